@@ -556,7 +556,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup setup-test setup-packages sanitize lint \
-        symbols nofloat stack headers tree circles docs tables matrix init mutants coverage prove fuzz bench \
+        symbols nofloat stack headers tree format circles docs tables matrix init mutants coverage prove fuzz bench \
         vectors clean
 setup:
 	@tests/setup.sh build
@@ -604,6 +604,8 @@ headers:
 	@tests/check_headers.sh
 tree:
 	@tests/check_tree.sh
+format:
+	@tests/check_format.sh --fix
 circles: $(COMMON_OBJ) $(DECODER_OBJ) $(TRAINER_OBJ) $(CLI_OBJ) $(REFERENCE_OBJ)
 	@tests/check_circles.sh $(BUILD)
 docs:
@@ -780,6 +782,7 @@ make nofloat     no floating point in common/ and decoder/
 make stack       worst-case stack of every public function
 make headers     every header compiles alone
 make tree        allowed includes, file names, licence lines, columns
+make format      writes all C as .clang-format says
 make circles     no two object files need each other
 make docs        links, columns and wording of the pages
 make tables      the generated tables are what gen_tables prints

@@ -15,8 +15,13 @@
 #include <immintrin.h>
 #endif
 
-enum { ADDS = 10000000, BLOCK = 1 << 26, NEAR = 1 << 17, TIMES = 1000000,
-       CHAINS = 6 };
+enum {
+    ADDS = 10000000,
+    BLOCK = 1 << 26,
+    NEAR = 1 << 17,
+    TIMES = 1000000,
+    CHAINS = 6
+};
 
 static void add(void *data)
 {
@@ -69,10 +74,10 @@ static void multiply_int16(void *data)
         sum[k] = x;
     for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (int k = 0; k < CHAINS; k++) {
-            __asm__ volatile("" : "+x"(x));
-            sum[k] = VECTOR(add_epi32)(sum[k], VECTOR(madd_epi16)(x, w));
-        }
+    for (int k = 0; k < CHAINS; k++) {
+        __asm__ volatile("" : "+x"(x));
+        sum[k] = VECTOR(add_epi32)(sum[k], VECTOR(madd_epi16)(x, w));
+    }
     for (int k = 1; k < CHAINS; k++)
         sum[0] = VECTOR(add_epi32)(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);
@@ -86,10 +91,10 @@ static void multiply_int16(void *data)
 
     for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (int k = 0; k < CHAINS; k++) {
-            __asm__ volatile("" : "+r"(x));
-            sum[k] += (int16_t)x * 5;
-        }
+    for (int k = 0; k < CHAINS; k++) {
+        __asm__ volatile("" : "+r"(x));
+        sum[k] += (int16_t)x * 5;
+    }
     for (int k = 1; k < CHAINS; k++)
         sum[0] += sum[k];
     memcpy(data, sum, sizeof *sum);
@@ -128,10 +133,10 @@ static void multiply_float(void *data)
         sum[k] = x;
     for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (int k = 0; k < FLOAT_CHAINS; k++) {
-            OPAQUE(x);
-            sum[k] = FMA(sum[k], x);
-        }
+    for (int k = 0; k < FLOAT_CHAINS; k++) {
+        OPAQUE(x);
+        sum[k] = FMA(sum[k], x);
+    }
     for (int k = 1; k < FLOAT_CHAINS; k++)
         sum[0] = FMA(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);

@@ -119,8 +119,8 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     const size_t cap = N;
     FREED uint8_t *const bytes = malloc(cap);
     const double rare = 1.0 / one_in;
-    const double ideal =
-        -N * ((1 - rare) * log2(1 - rare) + rare * log2(rare / (n_sym - 1)));
+    const double ideal = -N * ((1 - rare) * log2(1 - rare) +
+                               rare * log2(rare / (n_sym - 1)));
     bench_times t = { { 0 }, 0 };
     saga_adaptive m;
     saga_range_enc e;
@@ -131,8 +131,10 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     saga_range_enc_init(&e, bytes, cap);
     saga_adaptive_init(&m, n_sym);
     for (int i = 0; i < N; i++) {
-        const uint32_t sym = gen_range(&r, 1, one_in) > 1 ? 0
-            : (uint32_t)gen_range(&r, 1, (int32_t)n_sym - 1);
+        const uint32_t sym = gen_range(&r, 1, one_in) > 1
+                                 ? 0
+                                 : (uint32_t)gen_range(&r, 1,
+                                                       (int32_t)n_sym - 1);
 
         want[i] = (uint8_t)sym;
         saga_range_enc_interval(&e, saga_adaptive_start(&m, sym),

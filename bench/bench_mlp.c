@@ -94,7 +94,8 @@ static void run_job(void *data)
     run_points(j->b, j->layer, j->batch);
 }
 
-static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
+static void time_network(bench *b, const uint16_t *dim, int int8,
+                         uint32_t batch)
 {
     saga_layer layer[LAYERS];
     job j = { b, layer, batch };
@@ -128,9 +129,9 @@ void bench_mlp(void)
     FREED bench *const b = bench_need(sizeof *b);
 
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
-        run(b, shapes[i], 0, 1);
-        run(b, shapes[i], 0, BATCH);
-        run(b, shapes[i], 1, 1);
-        run(b, shapes[i], 1, BATCH);
+        time_network(b, shapes[i], 0, 1);
+        time_network(b, shapes[i], 0, BATCH);
+        time_network(b, shapes[i], 1, 1);
+        time_network(b, shapes[i], 1, BATCH);
     }
 }

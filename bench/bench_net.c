@@ -19,8 +19,8 @@ static void report(const saga_net *net, const char *what, bench_times *times,
     char name[56];
     bench_row *r;
 
-    snprintf(name, sizeof name, "float %d-%d-%d-%d %s, %zu points",
-             net->dim[0], net->dim[1], net->dim[2], net->dim[3], what, m);
+    snprintf(name, sizeof name, "float %d-%d-%d-%d %s, %zu points", net->dim[0],
+             net->dim[1], net->dim[2], net->dim[3], what, m);
     r = bench_row_add(name, times);
     r->count = (double)m;
     r->each = "a point";
@@ -28,7 +28,7 @@ static void report(const saga_net *net, const char *what, bench_times *times,
     r->work = flop;
 }
 
-static void run(const saga_net *shape, size_t m, int reps)
+static void time_network(const saga_net *shape, size_t m, int reps)
 {
     saga_net net = *shape, d = *shape;
     const size_t n_in = (size_t)net.dim[0];
@@ -111,8 +111,8 @@ void bench_net(void)
     static const saga_net big = { .n_layers = 3, .dim = { 64, 64, 64, 32 } };
     static const saga_net small = { .n_layers = 3, .dim = { 56, 32, 32, 23 } };
 
-    run(&big, 10000, 21);
-    run(&big, 100000, 9);
-    run(&small, 30000, 21);
+    time_network(&big, 10000, 21);
+    time_network(&big, 100000, 9);
+    time_network(&small, 30000, 21);
     run_rest(30000, 21);
 }

@@ -47,25 +47,35 @@
 #endif
 
 enum {
-    WIDTH = 64, POINTS = 512,            /* dense layer, embedding */
-    ANCHORS = 512, WINDOW = 16, NEIGHBOURS = 8, FEATURES = 16,
+    WIDTH = 64,
+    POINTS = 512, /* dense layer, embedding */
+    ANCHORS = 512,
+    WINDOW = 16,
+    NEIGHBOURS = 8,
+    FEATURES = 16,
     SOFTMAX_Q8 = 3000,
-    SLOTS = 64, QUERIES = 64,            /* L = D */
+    SLOTS = 64,
+    QUERIES = 64, /* L = D */
     OCTAVES = 4,
-    PRIMS = 2048, WIDE = 320, HIGH = 180, PIXELS = WIDE * HIGH,
-    SPLATS = 5000, LIST = 1 << 14, TILE = 16,
-    VALUES = 1 << 15,                    /* a multiple of the counts above */
+    PRIMS = 2048,
+    WIDE = 320,
+    HIGH = 180,
+    PIXELS = WIDE * HIGH,
+    SPLATS = 5000,
+    LIST = 1 << 14,
+    TILE = 16,
+    VALUES = 1 << 15, /* a multiple of the counts above */
     REPETITIONS = 15
 };
 
 /* Arguments and results of the operators in one type of reals. */
-#define REALS(REAL, NAME) \
-    typedef struct { \
+#define REALS(REAL, NAME)                                                  \
+    typedef struct {                                                       \
         REAL mean[3], quat[4], slope[4], scale[3], log2_scale[3], opacity, \
-            support[3], motion[9], t_centre, log2_width, q0; \
-    } NAME(prim); \
-    typedef struct { \
-        REAL mean[2], chol[3], q0, colour[3]; \
+            support[3], motion[9], t_centre, log2_width, q0;               \
+    } NAME(prim);                                                          \
+    typedef struct {                                                       \
+        REAL mean[2], chol[3], q0, colour[3];                              \
     } NAME(splat);
 
 #define F32(x) x##_f32
@@ -73,15 +83,15 @@ enum {
 REALS(float, F32)
 REALS(double, F64)
 
-#define FIELDS(REAL, NAME) \
-    REAL NAME(x)[VALUES], NAME(y)[VALUES]; \
-    REAL NAME(weight)[WIDTH * WIDTH], NAME(bias)[WIDTH]; \
+#define FIELDS(REAL, NAME)                                 \
+    REAL NAME(x)[VALUES], NAME(y)[VALUES];                 \
+    REAL NAME(weight)[WIDTH * WIDTH], NAME(bias)[WIDTH];   \
     REAL NAME(place)[ANCHORS][4], NAME(query)[ANCHORS][4]; \
     REAL NAME(size)[4], NAME(feature)[ANCHORS * FEATURES]; \
-    REAL NAME(where)[POINTS][4]; \
-    REAL NAME(start)[SLOTS * SLOTS]; \
-    NAME(prim) NAME(still)[PRIMS], NAME(moved)[PRIMS]; \
-    NAME(splat) NAME(splats)[PRIMS], NAME(drawn)[SPLATS]; \
+    REAL NAME(where)[POINTS][4];                           \
+    REAL NAME(start)[SLOTS * SLOTS];                       \
+    NAME(prim) NAME(still)[PRIMS], NAME(moved)[PRIMS];     \
+    NAME(splat) NAME(splats)[PRIMS], NAME(drawn)[SPLATS];  \
     REAL NAME(plane)[4 * PIXELS];
 
 typedef struct {
@@ -109,7 +119,7 @@ typedef struct {
     double n_pairs;
     uint16_t rgb[3 * PIXELS];
     saga_job job;
-    uint32_t mask[PRIMS / SAGA_RUN];     /* visible ones, by make_splats */
+    uint32_t mask[PRIMS / SAGA_RUN]; /* visible ones, by make_splats */
     saga_cpu cpu;
     struct whole *file;
 } data;
@@ -206,8 +216,7 @@ static void exp2_of(data *d)
 
 static void sine(data *d)
 {
-    saga_sin_turn16_each(d->out, (const uint16_t *)d->in, VALUES,
-                         d->cpu);
+    saga_sin_turn16_each(d->out, (const uint16_t *)d->in, VALUES, d->cpu);
 }
 
 static void softplus(data *d)
@@ -313,8 +322,8 @@ static void alpha(data *d)
 
 static void blend(data *d)
 {
-    const saga_drawing drawing = { &d->camera, d->splats, d->sorted,
-                                   d->n_splats, d->cpu, 0 };
+    const saga_drawing drawing = { &d->camera,  d->splats, d->sorted,
+                                   d->n_splats, d->cpu,    0 };
     const saga_picture pic = { d->rgb, 6 * WIDE, sizeof d->rgb, 16 };
 
     memset(d->job.cursor, 0, sizeof d->job.cursor);
@@ -334,9 +343,9 @@ static void segment(data *d)
 {
     struct whole *const w = d->file;
 
-    check("the segment", saga_decode(w->dec, &w->seg, w->bytes.data +
-                                     w->seg.offset, w->seg.nbytes, NULL) ==
-                             SAGA_OK);
+    check("the segment",
+          saga_decode(w->dec, &w->seg, w->bytes.data + w->seg.offset,
+                      w->seg.nbytes, NULL) == SAGA_OK);
 }
 
 static void segment_f64(data *d)
@@ -356,7 +365,7 @@ static void picture(data *d)
     memset(w->job.cursor, 0, sizeof w->job.cursor);
     check("the picture",
           saga_view(w->dec, &w->camera, w->seg.t) == SAGA_OK &&
-          saga_draw(w->dec, &w->job, &pic, UINT32_MAX) == SAGA_OK);
+              saga_draw(w->dec, &w->job, &pic, UINT32_MAX) == SAGA_OK);
 }
 
 static void picture_f64(data *d)
@@ -382,74 +391,80 @@ static void picture_f64(data *d)
 enum { INTEGER, FLOAT32, FLOAT64, N_VARIANTS };
 
 typedef struct operator operator;
-struct operator {
+struct operator
+{
     const char *name, *unit;
-    double n_units;          /* units in a run */
+    double n_units; /* units in a run */
     uint32_t n_values;
     void (*run[N_VARIANTS])(data *); /* NULL if there is no such variant */
-    double (*value)(const data *, const operator *, int variant, uint32_t i);
-                             /* NULL if `saga verify` measures the errors */
-    double step;             /* what the integers' values are multiplied by */
+    double (*value)(const data *, const operator*, int variant, uint32_t i);
+    /* NULL if `saga verify` measures the errors */
+    double step; /* what the integers' values are multiplied by */
 };
 
 /* Return value i of an operator whose results are in out or y. */
-static double of_out(const data *d, const operator *o, int variant, uint32_t i)
+static double of_out(const data *d, const operator* o, int variant, uint32_t i)
 {
-    return variant == INTEGER ? d->out[i] * o->step
-         : variant == FLOAT32 ? (double)d->y_f32[i] : d->y_f64[i];
+    return variant == INTEGER   ? d->out[i] * o->step
+           : variant == FLOAT32 ? (double)d->y_f32[i]
+                                : d->y_f64[i];
 }
 
-static double of_y(const data *d, const operator *o, int variant, uint32_t i)
+static double of_y(const data *d, const operator* o, int variant, uint32_t i)
 {
-    return variant == INTEGER ? d->y[i] * o->step
-         : variant == FLOAT32 ? (double)d->y_f32[i] : d->y_f64[i];
+    return variant == INTEGER   ? d->y[i] * o->step
+           : variant == FLOAT32 ? (double)d->y_f32[i]
+                                : d->y_f64[i];
 }
 
 /* Returns a reciprocal divided by the correct one. */
-static double of_scaled(const data *d, const operator *o, int variant,
+static double of_scaled(const data *d, const operator* o, int variant,
                         uint32_t i)
 {
     const double right = d->y_f64[i];
 
     (void)o;
-    return (variant == INTEGER ? ldexp(d->y[i], -d->out[i])
-          : variant == FLOAT32 ? (double)d->y_f32[i] : right) / right;
+    return (variant == INTEGER   ? ldexp(d->y[i], -d->out[i])
+            : variant == FLOAT32 ? (double)d->y_f32[i]
+                                 : right) /
+           right;
 }
 
-static double of_slots(const data *d, const operator *o, int variant,
+static double of_slots(const data *d, const operator* o, int variant,
                        uint32_t i)
 {
-    return variant == INTEGER ? d->bank.slot[i] * o->step
-         : variant == FLOAT32 ? (double)d->y_f32[i] : d->y_f64[i];
+    return variant == INTEGER   ? d->bank.slot[i] * o->step
+           : variant == FLOAT32 ? (double)d->y_f32[i]
+                                : d->y_f64[i];
 }
 
 /* Returns a coordinate of a position, in units of half the cube. */
-static double of_moved(const data *d, const operator *o, int variant,
+static double of_moved(const data *d, const operator* o, int variant,
                        uint32_t i)
 {
     const uint32_t p = i / 3, k = i % 3;
 
     (void)o;
-    return (variant == INTEGER ? d->moved[p].x[k]
-          : variant == FLOAT32 ? (double)d->moved_f32[p].mean[k]
-          : d->moved_f64[p].mean[k]) / 8388608;
+    return (variant == INTEGER   ? d->moved[p].x[k]
+            : variant == FLOAT32 ? (double)d->moved_f32[p].mean[k]
+                                 : d->moved_f64[p].mean[k]) /
+           8388608;
 }
 
-static double of_mean(const data *d, const operator *o, int variant,
-                      uint32_t i)
+static double of_mean(const data *d, const operator* o, int variant, uint32_t i)
 {
     const uint32_t p = i / 2, k = i % 2;
 
     if (!d->visible[p])
         return 0;
-    return variant == INTEGER ? d->projected[p].mean_q8[k] * o->step
-         : variant == FLOAT32 ? (double)d->splats_f32[p].mean[k]
-         : d->splats_f64[p].mean[k];
+    return variant == INTEGER   ? d->projected[p].mean_q8[k] * o->step
+           : variant == FLOAT32 ? (double)d->splats_f32[p].mean[k]
+                                : d->splats_f64[p].mean[k];
 }
 
 /* Returns a coordinate of a splat's mean. make_splats stores the visible splats
  * of a run one after the other, without gaps. */
-static double of_splats(const data *d, const operator *o, int variant,
+static double of_splats(const data *d, const operator* o, int variant,
                         uint32_t i)
 {
     const uint32_t p = i / 2, k = i % 2, bit = p % SAGA_RUN;
@@ -460,33 +475,33 @@ static double of_splats(const data *d, const operator *o, int variant,
         return 0;
     for (uint32_t b = 0; b < bit; b++)
         at += mask >> b & 1u;
-    return variant == INTEGER ? d->projected[at].mean_q8[k] * o->step
-         : variant == FLOAT32 ? (double)d->splats_f32[p].mean[k]
-         : d->splats_f64[p].mean[k];
+    return variant == INTEGER   ? d->projected[at].mean_q8[k] * o->step
+           : variant == FLOAT32 ? (double)d->splats_f32[p].mean[k]
+                                : d->splats_f64[p].mean[k];
 }
 
-static double of_conic(const data *d, const operator *o, int variant,
+static double of_conic(const data *d, const operator* o, int variant,
                        uint32_t i)
 {
     const uint32_t p = i / 3, k = i % 3;
 
     if (!d->visible[p])
         return 0;
-    return variant == INTEGER ? d->projected[p].chol_q28[k] * o->step
-         : variant == FLOAT32 ? (double)d->splats_f32[p].chol[k]
-         : d->splats_f64[p].chol[k];
+    return variant == INTEGER   ? d->projected[p].chol_q28[k] * o->step
+           : variant == FLOAT32 ? (double)d->splats_f32[p].chol[k]
+                                : d->splats_f64[p].chol[k];
 }
 
 /* Returns a sample of the picture, 0..1; the background is black. */
-static double of_picture(const data *d, const operator *o, int variant,
+static double of_picture(const data *d, const operator* o, int variant,
                          uint32_t i)
 {
     const uint32_t at = i % 3 * PIXELS + i / 3;
 
     (void)o;
-    return variant == INTEGER ? d->rgb[i] / 65535.0
-         : variant == FLOAT32 ? (double)d->plane_f32[PIXELS + at]
-         : d->plane_f64[PIXELS + at];
+    return variant == INTEGER   ? d->rgb[i] / 65535.0
+           : variant == FLOAT32 ? (double)d->plane_f32[PIXELS + at]
+                                : d->plane_f64[PIXELS + at];
 }
 
 /* --- Inputs -------------------------------------------------------------- */
@@ -525,8 +540,11 @@ static void prepare_dense(data *d, gen_rng *r)
     }
     for (int i = 0; i < POINTS * WIDTH; i++)
         set_in(d, i, gen_int(r, -8192, 8192), 1 / 4096.0);
-    d->layer = (saga_layer){ .weight = d->weight, .bias = d->bias,
-                             .shift = d->shift, .n_in = WIDTH, .n_out = WIDTH,
+    d->layer = (saga_layer){ .weight = d->weight,
+                             .bias = d->bias,
+                             .shift = d->shift,
+                             .n_in = WIDTH,
+                             .n_out = WIDTH,
                              .relu = 1 };
 }
 
@@ -544,8 +562,8 @@ static void prepare_places(data *d, gen_rng *r)
     d->model.features = FEATURES;
     d->model.octaves = OCTAVES;
     d->model.lambda_t_q8 = 256;
-    d->model.tier[0] = (saga_tier){ 1, WINDOW, NEIGHBOURS, 0, 1, 65535,
-                                    SOFTMAX_Q8 };
+    d->model.tier[0] = (saga_tier){ 1, WINDOW, NEIGHBOURS, 0,
+                                    1, 65535,  SOFTMAX_Q8 };
     d->sc.model = &d->model;
     d->sc.n.coarse = ANCHORS;
     d->sc.coarse = coarse;
@@ -574,8 +592,8 @@ static void prepare_places(data *d, gen_rng *r)
         d->where_f64[q][3] = (p->t - 32768) / 131072.0;
         for (int i = 0; i < FEATURES; i++) {
             feature[q * FEATURES + i] = (int16_t)gen_int(r, -8192, 8192);
-            d->feature_f64[q * FEATURES + i] =
-                feature[q * FEATURES + i] / 4096.0;
+            d->feature_f64[q * FEATURES + i] = feature[q * FEATURES + i] /
+                                               4096.0;
         }
     }
     for (int i = 0; i < 4; i++)
@@ -632,8 +650,7 @@ static void prepare_write(data *d, gen_rng *r)
 /* Makes primitives in front of the camera that move, turn and fade. */
 static void prepare_prims(data *d, gen_rng *r)
 {
-    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1,
-                                      0 };
+    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1, 0 };
 
     d->format = format;
     gen_front_camera(&d->camera, WIDE, HIGH);
@@ -705,8 +722,8 @@ static void prepare_picture(data *d, gen_rng *r)
     gen_front_camera(&d->camera, WIDE, HIGH);
     memset(d->camera.background_q15, 0, sizeof d->camera.background_q15);
     gen_uniform_scene(prims, SPLATS, r, &d->camera);
-    d->n_splats = gen_splats(d->splats, NULL, prims, &gen_still_format,
-                             SPLATS, &d->camera, 32768);
+    d->n_splats = gen_splats(d->splats, NULL, prims, &gen_still_format, SPLATS,
+                             &d->camera, 32768);
     /* The other variants get the same splats. A pair is a splat and a pixel of
      * its box. */
     d->n_pairs = 0;
@@ -728,10 +745,11 @@ static void prepare_picture(data *d, gen_rng *r)
     saga_depth_sort(d->sorted, d->keys, d->n_splats);
     (void)saga_raster_boxes(d->sorted, d->splats, d->n_splats, &d->camera);
     if (!d->job.scratch) {
-        d->job = (saga_job){ .x1 = WIDE, .y1 = HIGH, .tile = TILE,
-                             .list_capacity = LIST };
+        d->job = (saga_job){
+            .x1 = WIDE, .y1 = HIGH, .tile = TILE, .list_capacity = LIST
+        };
         d->job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, 0) *
-                                (WIDE / TILE * ((HIGH + 15) / TILE)) +
+                                    (WIDE / TILE * ((HIGH + 15) / TILE)) +
                                 8 * (size_t)LIST;
         d->job.scratch = malloc(d->job.scratch_nbytes);
         if (!d->job.scratch)
@@ -751,8 +769,8 @@ static void take_apart(struct whole *w)
 {
     const saga_model *const m = &w->parts.h.model;
     saga_error error = { "" };
-    const char *const why = ref_file_read_layer(
-        &w->parts, w->bytes.data, w->bytes.nbytes, &w->seg, 0);
+    const char *const why = ref_file_read_layer(&w->parts, w->bytes.data,
+                                                w->bytes.nbytes, &w->seg, 0);
     uint32_t n, stride;
 
     check(why ? why : "", !why);
@@ -762,8 +780,8 @@ static void take_apart(struct whole *w)
     w->colours = need(n, (stride + 3) * sizeof *w->colours);
     saga_reconstruct(&w->parts.sc, w->prims, w->colours,
                      m->tools & SAGA_TOOL_VIEW ? stride : 3);
-    check(error.message, ref_scene_make(&w->scene, &w->parts, w->prims,
-                                        w->colours, &error));
+    check(error.message,
+          ref_scene_make(&w->scene, &w->parts, w->prims, w->colours, &error));
     w->splat = need(n, sizeof *w->splat);
     w->order = need(n, sizeof *w->order);
 }
@@ -783,16 +801,19 @@ static void prepare_file(data *d, gen_rng *r)
           saga_read_file(&w.bytes, "docs/demo.saga", &error));
     check("docs/demo.saga: refused",
           !saga_probe(&w.info, w.bytes.data, w.bytes.nbytes) &&
-          !saga_find(&w.seg, w.bytes.data, w.bytes.nbytes, 0, 1) &&
-          !saga_rig(&w.camera, &number, w.bytes.data, w.bytes.nbytes, 0) &&
-          !saga_open(&w.dec, need(1, w.info.work_nbytes), w.info.work_nbytes,
-                     w.bytes.data, w.bytes.nbytes, NULL));
+              !saga_find(&w.seg, w.bytes.data, w.bytes.nbytes, 0, 1) &&
+              !saga_rig(&w.camera, &number, w.bytes.data, w.bytes.nbytes, 0) &&
+              !saga_open(&w.dec, need(1, w.info.work_nbytes),
+                         w.info.work_nbytes, w.bytes.data, w.bytes.nbytes,
+                         NULL));
     /* Both the decoder and the reference in double draw the picture. */
     n = (size_t)w.camera.width * w.camera.height;
     w.rgb = need(n, 3);
     w.real_rgb = need(n, 3 * sizeof *w.real_rgb);
-    w.job = (saga_job){ .x1 = w.camera.width, .y1 = w.camera.height,
-                        .tile = TILE, .list_capacity = LIST };
+    w.job = (saga_job){ .x1 = w.camera.width,
+                        .y1 = w.camera.height,
+                        .tile = TILE,
+                        .list_capacity = LIST };
     w.job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST) + 16 * n + (1u << 16);
     w.job.scratch = need(1, w.job.scratch_nbytes);
     take_apart(&w);
@@ -801,7 +822,10 @@ static void prepare_file(data *d, gen_rng *r)
 
 /* --- The table ----------------------------------------------------------- */
 
-#define RUNS(f) { f, F32(f), F64(f) }
+#define RUNS(f)           \
+    {                     \
+        f, F32(f), F64(f) \
+    }
 
 typedef struct {
     operator op;
@@ -812,51 +836,121 @@ typedef struct {
 } entry;
 
 static const entry entries[] = {
-    { { "dense layer 64-64", "point", POINTS, POINTS * WIDTH,
-        { dense, dense_float, dense_f64 }, of_out, 1 / 4096.0 },
+    { { "dense layer 64-64",
+        "point",
+        POINTS,
+        POINTS *WIDTH,
+        { dense, dense_float, dense_f64 },
+        of_out,
+        1 / 4096.0 },
       .prepare = prepare_dense },
-    { { "interpolation, 8 of 33", "query", ANCHORS, ANCHORS * FEATURES,
-        RUNS(interpolate), of_out, 1 / 4096.0 }, .prepare = prepare_places },
+    { { "interpolation, 8 of 33", "query", ANCHORS, ANCHORS *FEATURES,
+        RUNS(interpolate), of_out, 1 / 4096.0 },
+      .prepare = prepare_places },
     { { "softmax of 64", "value", VALUES, VALUES, RUNS(softmax), of_y,
-        1 / 16384.0 }, NULL, -(1 << 24), 1 << 24, 1 / 4194304.0 },
-    { { "2^-x", "value", VALUES, VALUES, { exp2_of, exp2_f32, exp2_f64 },
-        of_y, 1 / 32768.0 }, NULL, 0, (16 << 20) - 1, 1 / 1048576.0 },
+        1 / 16384.0 },
+      NULL,
+      -(1 << 24),
+      1 << 24,
+      1 / 4194304.0 },
+    { { "2^-x",
+        "value",
+        VALUES,
+        VALUES,
+        { exp2_of, exp2_f32, exp2_f64 },
+        of_y,
+        1 / 32768.0 },
+      NULL,
+      0,
+      (16 << 20) - 1,
+      1 / 1048576.0 },
     { { "sine", "value", VALUES, VALUES, RUNS(sine), of_out, 1 / 32768.0 },
-      NULL, -32768, 32767, 1 / 65536.0 },
+      NULL,
+      -32768,
+      32767,
+      1 / 65536.0 },
     { { "softplus", "value", VALUES, VALUES, RUNS(softplus), of_y,
-        1 / 1048576.0 }, NULL, -32768, 32767, 1 / 4096.0 },
-    { { "sigmoid", "value", VALUES, VALUES, RUNS(sigmoid), of_y,
-        1 / 32768.0 }, NULL, -16384, 16384, 1 / 2048.0 },
-    { { "1/x, 16 bits", "value", VALUES, VALUES,
-        { recip16, reciprocal_f32, reciprocal_f64 }, of_scaled, 0 },
-      NULL, 1, INT32_MAX, 1 },
-    { { "1/x, 32 bits", "value", VALUES, VALUES,
-        { recip32, reciprocal_f32, reciprocal_f64 }, of_scaled, 0 },
-      NULL, 1, INT32_MAX, 1 },
+        1 / 1048576.0 },
+      NULL,
+      -32768,
+      32767,
+      1 / 4096.0 },
+    { { "sigmoid", "value", VALUES, VALUES, RUNS(sigmoid), of_y, 1 / 32768.0 },
+      NULL,
+      -16384,
+      16384,
+      1 / 2048.0 },
+    { { "1/x, 16 bits",
+        "value",
+        VALUES,
+        VALUES,
+        { recip16, reciprocal_f32, reciprocal_f64 },
+        of_scaled,
+        0 },
+      NULL,
+      1,
+      INT32_MAX,
+      1 },
+    { { "1/x, 32 bits",
+        "value",
+        VALUES,
+        VALUES,
+        { recip32, reciprocal_f32, reciprocal_f64 },
+        of_scaled,
+        0 },
+      NULL,
+      1,
+      INT32_MAX,
+      1 },
     { { "1/sqrt(x)", "value", VALUES, VALUES, RUNS(root), of_scaled, 0 },
-      NULL, 1, INT32_MAX, 1 },
+      NULL,
+      1,
+      INT32_MAX,
+      1 },
     { { "embedding, 4 octaves", "position", POINTS, POINTS * 8 * OCTAVES,
-        RUNS(embed), of_out, 1 / 32768.0 }, .prepare = prepare_places },
-    { { "memory read, 64 slots", "query", QUERIES, QUERIES * SLOTS,
-        RUNS(bank_read), of_out, 1 / 4096.0 }, .prepare = prepare_read },
-    { { "memory write", "slot", SLOTS, SLOTS * SLOTS, RUNS(bank_write),
-        of_slots, 1 / 4096.0 }, .prepare = prepare_write },
-    { { "animate", "primitive", PRIMS, 3 * PRIMS, RUNS(animate), of_moved,
-        0 }, .prepare = prepare_prims },
-    { { "project: mean", "primitive", PRIMS, 2 * PRIMS, RUNS(project),
-        of_mean, 1 / 256.0 }, .prepare = prepare_moved },
+        RUNS(embed), of_out, 1 / 32768.0 },
+      .prepare = prepare_places },
+    { { "memory read, 64 slots", "query", QUERIES, QUERIES *SLOTS,
+        RUNS(bank_read), of_out, 1 / 4096.0 },
+      .prepare = prepare_read },
+    { { "memory write", "slot", SLOTS, SLOTS *SLOTS, RUNS(bank_write), of_slots,
+        1 / 4096.0 },
+      .prepare = prepare_write },
+    { { "animate", "primitive", PRIMS, 3 * PRIMS, RUNS(animate), of_moved, 0 },
+      .prepare = prepare_prims },
+    { { "project: mean", "primitive", PRIMS, 2 * PRIMS, RUNS(project), of_mean,
+        1 / 256.0 },
+      .prepare = prepare_moved },
     { { "project: conic", "primitive", PRIMS, 3 * PRIMS, RUNS(project),
-        of_conic, 1 / 268435456.0 }, .prepare = prepare_moved },
-    { { "animate and project", "primitive", PRIMS, 2 * PRIMS,
-        RUNS(make_splats), of_splats, 1 / 256.0 }, .prepare = prepare_splats },
+        of_conic, 1 / 268435456.0 },
+      .prepare = prepare_moved },
+    { { "animate and project", "primitive", PRIMS, 2 * PRIMS, RUNS(make_splats),
+        of_splats, 1 / 256.0 },
+      .prepare = prepare_splats },
     { { "alpha", "value", VALUES, VALUES, RUNS(alpha), of_y, 1 / 65536.0 },
-      NULL, 0, SAGA_CUT_Q20 - 1, 1 / 1048576.0 },
+      NULL,
+      0,
+      SAGA_CUT_Q20 - 1,
+      1 / 1048576.0 },
     { { "blend", "pixel of a splat", 0, 3 * PIXELS, RUNS(blend), of_picture,
-        0 }, .prepare = prepare_picture },
-    { { "segment (demo)", "primitive", 0, 0,
-        { segment, NULL, segment_f64 }, NULL, 0 }, .prepare = prepare_file },
-    { { "picture (demo)", "pixel", 0, 0,
-        { picture, NULL, picture_f64 }, NULL, 0 }, .prepare = prepare_file }
+        0 },
+      .prepare = prepare_picture },
+    { { "segment (demo)",
+        "primitive",
+        0,
+        0,
+        { segment, NULL, segment_f64 },
+        NULL,
+        0 },
+      .prepare = prepare_file },
+    { { "picture (demo)",
+        "pixel",
+        0,
+        0,
+        { picture, NULL, picture_f64 },
+        NULL,
+        0 },
+      .prepare = prepare_file }
 };
 
 enum { N_OPERATORS = (int)(sizeof entries / sizeof entries[0]) };
@@ -865,7 +959,7 @@ enum { N_OPERATORS = (int)(sizeof entries / sizeof entries[0]) };
 
 /* Times an operator. A repetition runs it so often that it takes at least a
  * millisecond. */
-static bench_times measure(const operator *o, int variant, data *d)
+static bench_times measure(const operator* o, int variant, data *d)
 {
     bench_times t = { { 0 }, 0 };
     double once;
@@ -903,7 +997,7 @@ static void print_times(const bench_times *t, double n_units)
     printf("]");
 }
 
-static void print_errors(const operator *o, int variant, const data *d)
+static void print_errors(const operator* o, int variant, const data *d)
 {
     double sum = 0, max = 0, peak = 0;
 
@@ -939,8 +1033,8 @@ static double n_units(const entry *e, const data *d)
     if (e->prepare != prepare_file)
         return e->op.n_units;
     return e->op.run[INTEGER] == segment
-        ? d->file->parts.sc.n.prim
-        : (double)d->file->camera.width * d->file->camera.height;
+               ? d->file->parts.sc.n.prim
+               : (double)d->file->camera.width * d->file->camera.height;
 }
 
 static void report(const entry *e, data *d, const char *name, int is_first)

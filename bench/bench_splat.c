@@ -14,13 +14,21 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { ANIMATE, PROJECT, TILES, FORWARD, BACKWARD, PROJECT_B, ANIMATE_B,
-       N_STAGES };
-
-static const char *const stage_name[N_STAGES] = {
-    "animate", "project", "tiles", "forward", "backward", "project back",
-    "animate back"
+enum {
+    ANIMATE,
+    PROJECT,
+    TILES,
+    FORWARD,
+    BACKWARD,
+    PROJECT_B,
+    ANIMATE_B,
+    N_STAGES
 };
+
+static const char *const stage_name[N_STAGES] = { "animate",     "project",
+                                                  "tiles",       "forward",
+                                                  "backward",    "project back",
+                                                  "animate back" };
 
 /* Makes primitives with uniformly random positions and lognormal standard
  * deviations, whose median is sigma_px pixels before the low-pass. */
@@ -38,24 +46,23 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
 
         p.mean[3 * i] = (saga_rng_float(r, 1) - 0.5f) * R(cam->width) * z /
                         cam->focal[0];
-        p.mean[3 * i + 1] = (saga_rng_float(r, 2) - 0.5f) * R(cam->height) *
-                            z / cam->focal[1];
+        p.mean[3 * i + 1] = (saga_rng_float(r, 2) - 0.5f) * R(cam->height) * z /
+                            cam->focal[1];
         p.mean[3 * i + 2] = z;
         for (int k = 0; k < 3; k++) {
-            p.log2_scale[3 * i + (uint32_t)k] =
-                R(log2(sigma_px * (double)(z / cam->focal[0])) +
-                  spread * saga_rng_normal(r, 3 + (uint64_t)k));
-            p.colour[3 * i + (uint32_t)k] =
-                saga_rng_float(r, 6 + (uint64_t)k);
+            p.log2_scale[3 * i + (uint32_t)k] = R(
+                log2(sigma_px * (double)(z / cam->focal[0])) +
+                spread * saga_rng_normal(r, 3 + (uint64_t)k));
+            p.colour[3 * i + (uint32_t)k] = saga_rng_float(r, 6 + (uint64_t)k);
             p.support[3 * i + (uint32_t)k] = 0.1f;
         }
         for (int k = 0; k < 4; k++)
-            p.quat[4 * i + (uint32_t)k] =
-                R(saga_rng_normal(r, 10 + (uint64_t)k));
+            p.quat[4 * i + (uint32_t)k] = R(
+                saga_rng_normal(r, 10 + (uint64_t)k));
         /* The opacity is 1 / (1 + 2^-normal), which is below 1; the parameter o
          * solves it for 8 / (1 + 2^(3 - o)). */
-        p.opacity[i] =
-            R(3 - log2(8 * (1 + exp2(-1.44 * saga_rng_normal(r, 14))) - 1));
+        p.opacity[i] = R(
+            3 - log2(8 * (1 + exp2(-1.44 * saga_rng_normal(r, 14))) - 1));
         p.t_centre[i] = 0.5f;
         p.log2_width[i] = 4;
     }
@@ -73,15 +80,16 @@ static double lap(bench_times *b, double *start)
 
 /* Times the stages. spread is the deviation of the log2 of the primitives'
  * standard deviations: 0.7 gives ellipsoids, 2 mostly needles and discs. */
-static void run(uint32_t n, int width, int height, double sigma_px,
-                double spread, int reps)
+static void time_splats(uint32_t n, int width, int height, double sigma_px,
+                        double spread, int reps)
 {
-    const saga_splat_camera cam = {
-        .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
-        .focal = { R(width), R(width) },
-        .principal = { R(width) / 2, R(height) / 2 },
-        .near_plane = 0.1f, .width = width, .height = height
-    };
+    const saga_splat_camera cam = { .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                    .focal = { R(width), R(width) },
+                                    .principal = { R(width) / 2,
+                                                   R(height) / 2 },
+                                    .near_plane = 0.1f,
+                                    .width = width,
+                                    .height = height };
     const size_t plane = (size_t)width * (size_t)height;
     saga_splat_params p = random_scene(n, &cam, sigma_px, spread);
     saga_splat_params d = random_scene(n, &cam, 0, 0);
@@ -135,7 +143,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
 
 void bench_splat(void)
 {
-    run(50000, 640, 360, 1.33, 0.7, 15);
-    run(10000, 320, 180, 0.67, 0.7, 15);
-    run(20000, 640, 360, 1.33, 2, 15);
+    time_splats(50000, 640, 360, 1.33, 0.7, 15);
+    time_splats(10000, 320, 180, 0.67, 0.7, 15);
+    time_splats(20000, 640, 360, 1.33, 2, 15);
 }

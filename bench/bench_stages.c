@@ -16,8 +16,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N = 50000, WIDTH = 640, HEIGHT = 360, TILE = 16, LIST = 1 << 16,
-       HIDDEN = 32 };
+enum {
+    N = 50000,
+    WIDTH = 640,
+    HEIGHT = 360,
+    TILE = 16,
+    LIST = 1 << 16,
+    HIDDEN = 32
+};
 
 typedef struct {
     saga_camera cam;
@@ -28,7 +34,7 @@ typedef struct {
     saga_model model;
     saga_nets nets;
     saga_scaffold sc;
-    int16_t *base;               /* (N, HIDDEN) of the colours */
+    int16_t *base; /* (N, HIDDEN) of the colours */
     saga_picture pic;
     saga_job job;
     saga_cpu cpu;
@@ -92,8 +98,8 @@ static void sort(void *data)
 static void blend(void *data)
 {
     scene *const s = data;
-    const saga_drawing d = { &s->cam, s->splats, s->sorted, s->n_splats,
-                             s->cpu, 0 };
+    const saga_drawing d = { &s->cam,     s->splats, s->sorted,
+                             s->n_splats, s->cpu,    0 };
 
     memset(s->job.cursor, 0, sizeof s->job.cursor);
     if (saga_raster(&s->job, &s->pic, &d, UINT32_MAX) != SAGA_OK)
@@ -161,11 +167,12 @@ static void open_scene(scene *s)
     gen_uniform_scene(s->prims, N, &r, &s->cam);
     s->pic = (saga_picture){ bench_need(3 * WIDTH * HEIGHT), 3 * WIDTH,
                              3 * WIDTH * HEIGHT, 8 };
-    s->job = (saga_job){ .x1 = WIDTH, .y1 = HEIGHT, .tile = TILE,
-                         .list_capacity = LIST };
+    s->job = (saga_job){
+        .x1 = WIDTH, .y1 = HEIGHT, .tile = TILE, .list_capacity = LIST
+    };
 }
 
-static void run(scene *s)
+static void time_stages(scene *s)
 {
     const uint32_t all = (WIDTH + TILE - 1) / TILE *
                          ((HEIGHT + TILE - 1) / TILE);
@@ -199,5 +206,5 @@ void bench_stages(void)
 
     open_scene(&s);
     open_colours(&s);
-    run(&s);
+    time_stages(&s);
 }

@@ -27,11 +27,9 @@ static int n_rows;
 static const struct {
     const char *name;
     void (*run)(void);
-} parts[] = {
-    { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
-    { "coder", bench_coder }, { "stages", bench_stages },
-    { "net", bench_net }, { "splat", bench_splat }
-};
+} parts[] = { { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
+              { "coder", bench_coder },       { "stages", bench_stages },
+              { "net", bench_net },           { "splat", bench_splat } };
 
 enum { N_PARTS = sizeof parts / sizeof *parts };
 
@@ -102,7 +100,8 @@ static double before(const char *path, const char *name)
 
     while (f && fgets(line, sizeof line, f))
         if (sscanf(line, " {\"name\": \"%55[^\"]\", \"best_ms\": %lf", found,
-                   &best) == 2 && !strcmp(found, name))
+                   &best) == 2 &&
+            !strcmp(found, name))
             answer = best;
     if (f)
         fclose(f);
@@ -111,9 +110,8 @@ static double before(const char *path, const char *name)
 
 static void print_row(const bench_row *r, const char *path)
 {
-    static const char *const unit[BENCH_N_KINDS] = {
-        "", "Gadd/s", "GB/s", "GMAC/s", "GFLOP/s"
-    };
+    static const char *const unit[BENCH_N_KINDS] = { "", "Gadd/s", "GB/s",
+                                                     "GMAC/s", "GFLOP/s" };
     const double top = ceiling(r->kind), old = before(path, r->name);
     const double cycle = ceiling(BENCH_CYCLES);
 
@@ -161,10 +159,11 @@ static int write_json(const char *path)
         const bench_row *const r = rows + i;
         const double top = ceiling(r->kind);
 
-        fprintf(f, "  {\"name\": \"%s\", \"best_ms\": %.6f, "
+        fprintf(f,
+                "  {\"name\": \"%s\", \"best_ms\": %.6f, "
                 "\"median_ms\": %.6f, \"count\": %.0f, \"work\": %.0f, "
-                "\"of_ceiling\": %.4f, \"wanted_ms\": %.3f}%s\n", r->name,
-                r->best, r->median, r->count, r->work,
+                "\"of_ceiling\": %.4f, \"wanted_ms\": %.3f}%s\n",
+                r->name, r->best, r->median, r->count, r->work,
                 top > 0 ? r->work / r->best / top : 0, r->wanted,
                 i + 1 < n_rows ? "," : "");
     }
@@ -196,7 +195,7 @@ static void run_parts(char **names, int n)
 static int usage(void)
 {
     fprintf(stderr, "usage: bench_table [-o OUT.json] [-b BEFORE.json] "
-            "[PART...]\nparts:");
+                    "[PART...]\nparts:");
     for (int i = 0; i < N_PARTS; i++)
         fprintf(stderr, " %s", parts[i].name);
     fprintf(stderr, "\n");
@@ -209,8 +208,9 @@ int main(int argc, char **argv)
     int i = 1;
 
     for (; i < argc && argv[i][0] == '-'; i += 2) {
-        const char **const path = !strcmp(argv[i], "-o") ? &out
-                                : !strcmp(argv[i], "-b") ? &old : NULL;
+        const char **const path = !strcmp(argv[i], "-o")   ? &out
+                                  : !strcmp(argv[i], "-b") ? &old
+                                                           : NULL;
 
         if (!path) {
             fprintf(stderr, "bench_table: unknown option '%s'\n", argv[i]);

@@ -13,22 +13,22 @@
  * of each. */
 typedef enum {
     BENCH_NOTHING,
-    BENCH_CYCLES,                /* dependent additions */
-    BENCH_BYTES,                 /* bytes copied */
-    BENCH_MACS,                  /* multiply-adds of int16 */
-    BENCH_FLOPS,                 /* float operations; a multiply-add counts as
-                                  * two */
+    BENCH_CYCLES, /* dependent additions */
+    BENCH_BYTES,  /* bytes copied */
+    BENCH_MACS,   /* multiply-adds of int16 */
+    BENCH_FLOPS,  /* float operations; a multiply-add counts as
+                   * two */
     BENCH_N_KINDS
 } bench_kind;
 
 typedef struct bench_row {
     char name[56];
-    double best, median;         /* ms */
-    double count;                /* number of units done in that time */
-    const char *each;            /* the unit, such as "a pixel" */
+    double best, median; /* ms */
+    double count;        /* number of units done in that time */
+    const char *each;    /* the unit, such as "a pixel" */
     bench_kind kind;
-    double work;                 /* amount of work of the kind */
-    double wanted;               /* target time, ms; 0: none */
+    double work;   /* amount of work of the kind */
+    double wanted; /* target time, ms; 0: none */
     char note[24];
 } bench_row;
 

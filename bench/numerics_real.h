@@ -71,8 +71,7 @@ static void NAME(interpolate)(data *d)
             y[i] = 0;
         for (int k = 0; k < n; k++)
             for (int i = 0; i < FEATURES; i++)
-                y[i] += w[k] / sum *
-                        d->NAME(feature)[rank[k] * FEATURES + i];
+                y[i] += w[k] / sum * d->NAME(feature)[rank[k] * FEATURES + i];
     }
 }
 
@@ -137,8 +136,8 @@ static void NAME(embed)(data *d)
     for (int p = 0; p < POINTS; p++)
         for (int i = 0; i < 4; i++)
             for (int k = 0; k < OCTAVES; k++) {
-                REAL *const y = d->NAME(y) + 8 * OCTAVES * p +
-                                2 * OCTAVES * i + 2 * k;
+                REAL *const y = d->NAME(y) + 8 * OCTAVES * p + 2 * OCTAVES * i +
+                                2 * k;
                 const REAL turn = d->NAME(where)[p][i] * (REAL)(1 << k) *
                                   (REAL)6.283185307179586;
 
@@ -164,8 +163,8 @@ static void NAME(bank_read)(data *d)
         REAL *const y = d->NAME(y) + q * SLOTS;
 
         for (int p = 0; p < SLOTS; p++)
-            w[p] = NAME(dot)(d->NAME(x) + q * SLOTS,
-                             d->NAME(start) + p * SLOTS, SLOTS);
+            w[p] = NAME(dot)(d->NAME(x) + q * SLOTS, d->NAME(start) + p * SLOTS,
+                             SLOTS);
         NAME(softmax_of)(w, w, SLOTS);
         for (int i = 0; i < SLOTS; i++)
             y[i] = 0;
@@ -206,13 +205,14 @@ static void NAME(animate)(data *d)
         const REAL dt = (REAL)0.5 - a->t_centre;
         const REAL width = MATH(exp2)(a->log2_width);
         const REAL u = dt / width;
-        const REAL age = NAME(clamped)(dt / (width < (REAL)0.5 ? width
-                                                 : (REAL)0.5), -4, 4);
+        const REAL age = NAME(clamped)(
+            dt / (width < (REAL)0.5 ? width : (REAL)0.5), -4, 4);
 
         for (int i = 0; i < 3; i++) {
-            b->mean[i] = a->mean[i] + a->support[i] * age *
-                         (a->motion[i] + age * (a->motion[3 + i] +
-                                                age * a->motion[6 + i]));
+            b->mean[i] = a->mean[i] +
+                         a->support[i] * age *
+                             (a->motion[i] + age * (a->motion[3 + i] +
+                                                    age * a->motion[6 + i]));
             b->scale[i] = MATH(exp2)(a->log2_scale[i]);
         }
         for (int i = 0; i < 4; i++)
@@ -223,20 +223,18 @@ static void NAME(animate)(data *d)
 }
 
 /* Sets t to the rows of the Jacobian times rotation times scales. */
-static void NAME(map)(REAL t[2][3], const NAME(prim) *p, const REAL slope[2],
+static void NAME(map)(REAL t[2][3], const NAME(prim) * p, const REAL slope[2],
                       REAL z)
 {
     const REAL f = WIDE / z;
     const REAL w = p->quat[0], x = p->quat[1], y = p->quat[2];
     const REAL v = p->quat[3], n = 1 / (w * w + x * x + y * y + v * v);
-    const REAL r[3][3] = {
-        { w * w + x * x - y * y - v * v, 2 * (x * y - w * v),
-          2 * (x * v + w * y) },
-        { 2 * (x * y + w * v), w * w - x * x + y * y - v * v,
-          2 * (y * v - w * x) },
-        { 2 * (x * v - w * y), 2 * (y * v + w * x),
-          w * w - x * x - y * y + v * v }
-    };
+    const REAL r[3][3] = { { w * w + x * x - y * y - v * v, 2 * (x * y - w * v),
+                             2 * (x * v + w * y) },
+                           { 2 * (x * y + w * v), w * w - x * x + y * y - v * v,
+                             2 * (y * v - w * x) },
+                           { 2 * (x * v - w * y), 2 * (y * v + w * x),
+                             w * w - x * x - y * y + v * v } };
 
     for (int i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++)
@@ -249,8 +247,7 @@ static void NAME(project)(data *d)
 {
     for (int p = 0; p < PRIMS; p++) {
         const NAME(prim) *const a = &d->NAME(moved)[p];
-        const REAL z = a->mean[2], half[2] = { WIDE / (REAL)2,
-                                               HIGH / (REAL)2 };
+        const REAL z = a->mean[2], half[2] = { WIDE / (REAL)2, HIGH / (REAL)2 };
         const REAL k = (REAL)(1.4426950408889634 / 2), pass = (REAL)0.1;
         REAL slope[2], t[2][3], aa, ab, bb, c, det;
         NAME(splat) *const s = &d->NAME(splats)[p];

@@ -4,9 +4,8 @@
 #include "crc32c.h"
 #include "fx.h"
 
-const uint8_t saga_magic[SAGA_MAGIC_NBYTES] = {
-    'S', 'A', 'G', 'A', SAGA_VERSION, 0, 0, 0
-};
+const uint8_t saga_magic[SAGA_MAGIC_NBYTES] = { 'S',          'A', 'G', 'A',
+                                                SAGA_VERSION, 0,   0,   0 };
 
 static void field(saga_io *f, uint32_t *v, uint32_t nbytes)
 {

@@ -23,26 +23,27 @@
 
 enum {
     SAGA_VERSION = 1,
-    SAGA_HEADER_NBYTES = 157 + SAGA_N_OUTS, /* fixed part: magic, version, a Q
-                                  * format for each output, and the rest */
-    SAGA_BANK_NBYTES = 15,       /* the bank's networks in the header */
-    SAGA_HASH_NBYTES = 3,        /* the hash's network in the header */
-    SAGA_BASE_NBYTES = 16,       /* the base's sizes in the header */
+    SAGA_HEADER_NBYTES = 157 +
+                         SAGA_N_OUTS, /* fixed part: magic, version, a Q
+                                       * format for each output, and the rest */
+    SAGA_BANK_NBYTES = 15,            /* the bank's networks in the header */
+    SAGA_HASH_NBYTES = 3,             /* the hash's network in the header */
+    SAGA_BASE_NBYTES = 16,            /* the base's sizes in the header */
     SAGA_HEADER_MAX_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES +
                              SAGA_HASH_NBYTES + SAGA_BASE_NBYTES, /* with all
-                                  * of these */
-    SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
+                                                                   * of these */
+    SAGA_CHUNK_NBYTES = 12, /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
-    SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */
-    SAGA_MAX_LAYERS = 8,         /* largest number in a segment */
+    SAGA_SEGMENT_NBYTES = 24, /* payload of SEGM with one layer */
+    SAGA_MAX_LAYERS = 8,      /* largest number in a segment */
     SAGA_CAMERA_NBYTES = 82,
-    SAGA_EXPOSURE_NBYTES = 6,    /* bytes of EXPO for each camera */
-    SAGA_SOUND_NBYTES = 4,       /* bytes of OPUS before its Ogg stream */
+    SAGA_EXPOSURE_NBYTES = 6, /* bytes of EXPO for each camera */
+    SAGA_SOUND_NBYTES = 4,    /* bytes of OPUS before its Ogg stream */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
 };
 
-#define SAGA_FOURCC(a, b, c, d) \
+#define SAGA_FOURCC(a, b, c, d)                                 \
     ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | \
      (uint32_t)(d) << 24)
 
@@ -58,22 +59,22 @@ enum {
 
 /* The header without its rig. */
 typedef struct saga_header {
-    uint32_t header_nbytes;      /* all of it, CRC included */
-    uint8_t level;               /* 0..3 */
-    uint8_t more_layers;         /* layers of a segment after the first, 0..7 */
-    uint32_t n_segments;         /* 1..2^20 */
-    uint32_t n_frames;           /* all segments together */
+    uint32_t header_nbytes;    /* all of it, CRC included */
+    uint8_t level;             /* 0..3 */
+    uint8_t more_layers;       /* layers of a segment after the first, 0..7 */
+    uint32_t n_segments;       /* 1..2^20 */
+    uint32_t n_frames;         /* all segments together */
     uint32_t fps_num, fps_den; /* frames per second */
-    saga_counts max;             /* anchors of any layer, primitives of all
-                                  * layers of any segment together */
-    uint32_t nets_nbytes;        /* payload of NETS */
+    saga_counts max;           /* anchors of any layer, primitives of all
+                                * layers of any segment together */
+    uint32_t nets_nbytes;      /* payload of NETS */
     /* world = centre + box units * unit, each mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
     int32_t centre_mantissa[3], centre_exponent;
     uint16_t n_cameras;
     saga_model model;
-    saga_counts base;            /* exactly; all 0 without the tool */
-    uint32_t base_nbytes;        /* bytes of its chunks, headers included */
+    saga_counts base;     /* exactly; all 0 without the tool */
+    uint32_t base_nbytes; /* bytes of its chunks, headers included */
 } saga_header;
 
 /* Return the offset of the first camera, and the offset of the end of the
@@ -100,20 +101,20 @@ typedef struct saga_rig_camera {
     int32_t near_plane;
     uint16_t width, height;
     uint16_t background_q15[3];
-    uint32_t number;             /* the capture's number of the camera */
+    uint32_t number; /* the capture's number of the camera */
 } saga_rig_camera;
 
 typedef struct saga_index_entry {
-    uint64_t offset;             /* offset of SEGM from the file's start */
-    uint32_t nbytes;             /* bytes of all the segment's chunks */
-    uint32_t n_frames;           /* >= 1 */
+    uint64_t offset;   /* offset of SEGM from the file's start */
+    uint32_t nbytes;   /* bytes of all the segment's chunks */
+    uint32_t n_frames; /* >= 1 */
 } saga_index_entry;
 
 /* One layer of a segment. The file has nbytes only if there are several. */
 typedef struct saga_layer_header {
     saga_counts n;
-    uint32_t nbytes;             /* bytes of its three chunks, headers
-                                  * included */
+    uint32_t nbytes; /* bytes of its three chunks, headers
+                      * included */
 } saga_layer_header;
 
 typedef struct saga_segment_header {
@@ -140,8 +141,8 @@ typedef struct saga_chunk {
 /* A cursor that reads its fields from `in`, or writes them to `out`. */
 typedef struct saga_io {
     const uint8_t *in;
-    uint8_t *out;            /* NULL when reading */
-    uint32_t at;             /* bytes done */
+    uint8_t *out; /* NULL when reading */
+    uint32_t at;  /* bytes done */
 } saga_io;
 
 /* Each function reads or writes all fields of its structure; the buffer has the

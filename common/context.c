@@ -9,9 +9,9 @@
  * and parent say where its contexts come from. */
 typedef struct {
     saga_position position;
-    uint32_t count;          /* children, known before the block */
+    uint32_t count; /* children, known before the block */
     uint32_t rank;
-    uint32_t parent;         /* coarse rank that its context comes from */
+    uint32_t parent; /* coarse rank that its context comes from */
 } block;
 
 /* --- Blocks -------------------------------------------------------------- */
@@ -318,8 +318,7 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
  * bank is updated at the end of a round, which has bank_blocks blocks; no run
  * extends beyond its round. Sums fit in 32 bits: |sum| <= 65535 * 32767 < 2^31,
  * since bank_blocks <= 65535. */
-void saga_context_keep(const saga_scaffold *sc, int tier,
-                       const saga_run *run)
+void saga_context_keep(const saga_scaffold *sc, int tier, const saga_run *run)
 {
     saga_round *const round = sc->bank.round;
     block b[SAGA_MAX_POINTS];
@@ -344,8 +343,8 @@ void saga_context_keep(const saga_scaffold *sc, int tier,
 
 /* Writes the values of a block's sources to the input of its entropy network,
  * at `point` of a run. */
-static void in_sources(const saga_scaffold *sc, const block *b,
-                       uint32_t point, int kind, uint32_t group)
+static void in_sources(const saga_scaffold *sc, const block *b, uint32_t point,
+                       int kind, uint32_t group)
 {
     const saga_model *const m = sc->model;
     const uint32_t f = m->features, sources = m->sources[kind];
@@ -409,8 +408,8 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
     uint32_t i, k;
 
     for (i = 0; i < run->n; i++) {
-        const int16_t *const out = saga_out_point(
-            &sc->net, SAGA_NET_E_COARSE + kind, i);
+        const int16_t *const out = saga_out_point(&sc->net,
+                                                  SAGA_NET_E_COARSE + kind, i);
 
         for (k = 0; k < n; k++) {
             run->mu[i * n + k] = out[k];

@@ -39,8 +39,7 @@ uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
 /* Adds a decoded run of coarse or fine anchors to its round of the bank. The
  * round is written when it has bank_blocks blocks. Does nothing without a bank,
  * or if no block reads what this tier writes. */
-void saga_context_keep(const saga_scaffold *sc, int tier,
-                       const saga_run *run);
+void saga_context_keep(const saga_scaffold *sc, int tier, const saga_run *run);
 
 /* Writes the last round of a group, even if it is not full. Called after the
  * last anchor of the group. */

@@ -9,9 +9,9 @@
 /* Kinds of SIMD in ascending order: a machine that has one also has those
  * before it. Code selects its highest version for the machine by >=. */
 typedef enum saga_cpu {
-    SAGA_CPU_PLAIN,          /* plain C, for the compiler's target */
-    SAGA_CPU_X4,             /* 128 bits: SSE4.1, NEON, WebAssembly SIMD */
-    SAGA_CPU_AVX2            /* 256 bits: AVX2 */
+    SAGA_CPU_PLAIN, /* plain C, for the compiler's target */
+    SAGA_CPU_X4,    /* 128 bits: SSE4.1, NEON, WebAssembly SIMD */
+    SAGA_CPU_AVX2   /* 256 bits: AVX2 */
 } saga_cpu;
 
 /* On x86-64 the SIMD kind is detected at run time, unless the compiler may not

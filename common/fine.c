@@ -35,8 +35,8 @@ static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
  * input of a network that reads them. */
 static int16_t *kept_local(const saga_scaffold *sc, uint32_t point)
 {
-    return sc->net.v->kept + point * (sc->model->features +
-                                  saga_pe_size(sc->model));
+    return sc->net.v->kept +
+           point * (sc->model->features + saga_pe_size(sc->model));
 }
 
 void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
@@ -103,8 +103,7 @@ static void keep_fine_anchor(const saga_scaffold *sc, uint32_t rank,
     saga_position p;
 
     saga_position_fine(&p, fine);
-    saga_keep_local(sc, SAGA_TIER_COARSE, point, &p, fine->parent,
-                    fine->local);
+    saga_keep_local(sc, SAGA_TIER_COARSE, point, &p, fine->parent, fine->local);
 }
 
 static void set_fine_anchor(const saga_scaffold *sc, uint32_t rank,

@@ -117,10 +117,22 @@ static inline int fx_clz32(uint32_t x)
     int n = 0;
 
     FX_ASSERT(x != 0);
-    if (x < 1u << 16) { n += 16; x <<= 16; }
-    if (x < 1u << 24) { n += 8; x <<= 8; }
-    if (x < 1u << 28) { n += 4; x <<= 4; }
-    if (x < 1u << 30) { n += 2; x <<= 2; }
+    if (x < 1u << 16) {
+        n += 16;
+        x <<= 16;
+    }
+    if (x < 1u << 24) {
+        n += 8;
+        x <<= 8;
+    }
+    if (x < 1u << 28) {
+        n += 4;
+        x <<= 4;
+    }
+    if (x < 1u << 30) {
+        n += 2;
+        x <<= 2;
+    }
     return x < 1u << 31 ? n + 1 : n;
 #endif
 }

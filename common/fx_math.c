@@ -117,8 +117,8 @@ int16_t saga_sin_turn16_q15(uint32_t phase)
     return sin_turn16_q15(phase);
 }
 
-void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
-                          uint32_t n, saga_cpu cpu)
+void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase, uint32_t n,
+                          saga_cpu cpu)
 {
 #ifdef SAGA_SINE_MAY_AVX2
     if (cpu >= SAGA_CPU_AVX2) {
@@ -167,8 +167,8 @@ uint32_t saga_recip32(uint32_t x, int *shift)
     const int n = fx_clz32(x);
     const uint32_t x_q31 = x << n;
     const uint32_t y0_q31 = recip_chord_q23(x_q31) << 8;
-    const int64_t rest_q62 =
-        (int64_t)(((uint64_t)1 << 62) - (uint64_t)x_q31 * y0_q31);
+    const int64_t rest_q62 = (int64_t)(((uint64_t)1 << 62) -
+                                       (uint64_t)x_q31 * y0_q31);
     const int32_t rest_q46 = (int32_t)(rest_q62 >> 16);
 
     *shift = 62 - n;
@@ -183,8 +183,8 @@ uint32_t saga_recip32(uint32_t x, int *shift)
  * result: -4e-7..+2.34e-5 in all. */
 static uint32_t rsqrt_chord_q23(uint32_t mant_q30, uint32_t odd)
 {
-    const uint32_t *const t =
-        saga_rsqrt_q23 + 64u * odd + (mant_q30 >> 24 & 63u);
+    const uint32_t *const t = saga_rsqrt_q23 + 64u * odd +
+                              (mant_q30 >> 24 & 63u);
     const uint32_t lo = mant_q30 >> 9 & 32767u;
 
     return t[0] - ((t[0] - t[1]) * lo >> 15);
@@ -199,8 +199,8 @@ static uint32_t rsqrt_chord_q23(uint32_t mant_q30, uint32_t odd)
 static uint32_t rsqrt_newton_q31(uint32_t x_q30, uint32_t y0_q23)
 {
     const uint64_t square_q32 = ((uint64_t)y0_q23 * y0_q23 + (1u << 13)) >> 14;
-    const int64_t rest_q62 =
-        (int64_t)(((uint64_t)1 << 62) - x_q30 * square_q32);
+    const int64_t rest_q62 = (int64_t)(((uint64_t)1 << 62) -
+                                       x_q30 * square_q32);
     const int32_t rest_q45 = (int32_t)(rest_q62 >> 17);
     const uint32_t y0_q31 = y0_q23 << 8;
 

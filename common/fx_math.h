@@ -52,8 +52,8 @@ int16_t saga_sin_turn16_q15(uint32_t phase);
 
 /* Computes the sines of n phases, with the SIMD of the machine, `cpu`. The
  * arrays must not overlap. */
-void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
-                          uint32_t n, saga_cpu cpu);
+void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase, uint32_t n,
+                          saga_cpu cpu);
 
 /* The AVX2 version, in sine_avx2.c, if the rest is not compiled for AVX2. */
 #if defined SAGA_MAY_AVX2 && !defined __AVX2__

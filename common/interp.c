@@ -25,8 +25,8 @@ static inline int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la,
         r->sum = sum;
         r->mant = saga_recip16(sum, &r->shift);
     }
-    return fx_clamp64(fx_rshift64((int64_t)diff * (int64_t)r->mant,
-                                  r->shift - 12), 0, 32767);
+    return fx_clamp64(
+        fx_rshift64((int64_t)diff * (int64_t)r->mant, r->shift - 12), 0, 32767);
 }
 
 /* A search for neighbours among the anchors of a tier. */
@@ -181,7 +181,8 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
 
     for (rank = first; rank <= last; rank++) {
         const uint32_t group = s->tier == SAGA_TIER_COARSE
-            ? sc->coarse[rank].group : sc->fine[rank].group;
+                                   ? sc->coarse[rank].group
+                                   : sc->fine[rank].group;
         uint32_t limit, d;
 
         /* Anchors of this group and of later ones are not decoded yet. */
@@ -227,8 +228,8 @@ void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
                      const saga_neighbours *nb)
 {
     const uint32_t f = sc->model->features;
-    const int16_t *const table = tier == SAGA_TIER_COARSE
-        ? sc->coarse_feature : sc->fine_feature;
+    const int16_t *const table = tier == SAGA_TIER_COARSE ? sc->coarse_feature
+                                                          : sc->fine_feature;
     int32_t sum[SAGA_MAX_FEATURES];
     uint32_t i, k;
 

@@ -101,8 +101,7 @@ static void normalise(int16_t *slot, const int32_t *u, uint32_t width)
     x.exp = 63 - n;
     y = saga_rsqrt(x);
     for (d = 0; d < width; d++)
-        slot[d] = (int16_t)fx_rshift64((int64_t)u[d] * y.mant_q30,
-                                       18 - y.exp);
+        slot[d] = (int16_t)fx_rshift64((int64_t)u[d] * y.mant_q30, 18 - y.exp);
 }
 
 void saga_bank_put(const saga_bank *m, uint32_t p, const int16_t *slot)
@@ -131,11 +130,11 @@ static uint32_t parity(uint32_t x)
 /* The primitive polynomial of degree log2(L), its highest term left out. */
 static uint32_t generator(uint32_t n_slots)
 {
-    return n_slots == 32 ? 0x05       /* x^5 + x^2 + 1 */
-         : n_slots == 64 ? 0x03       /* x^6 + x + 1 */
-         : n_slots == 128 ? 0x03      /* x^7 + x + 1 */
-         : n_slots == 256 ? 0x1d      /* x^8 + x^4 + x^3 + x^2 + 1 */
-         : 0x11;                      /* x^9 + x^4 + 1 */
+    return n_slots == 32    ? 0x05  /* x^5 + x^2 + 1 */
+           : n_slots == 64  ? 0x03  /* x^6 + x + 1 */
+           : n_slots == 128 ? 0x03  /* x^7 + x + 1 */
+           : n_slots == 256 ? 0x1d  /* x^8 + x^4 + x^3 + x^2 + 1 */
+                            : 0x11; /* x^9 + x^4 + 1 */
 }
 
 void saga_bank_start(const saga_bank *m)
@@ -185,14 +184,12 @@ static void softmax(const saga_bank *m)
     /* The weights add up to 2^14. */
     r = saga_recip32(sum, &shift);
     for (p = 0; p < m->n_slots; p++)
-        m->weight[p] = (int16_t)fx_rshift64((int64_t)score[p] * r,
-                                            shift - 14);
+        m->weight[p] = (int16_t)fx_rshift64((int64_t)score[p] * r, shift - 14);
 }
 
 /* Weights add up to 2^14 within L / 2, and |s| <= 4100. Therefore |sum| < 2^27,
  * and the result is below 2^13. */
-void saga_bank_read(int16_t *out, const saga_bank *m,
-                    const int16_t *query_q10)
+void saga_bank_read(int16_t *out, const saga_bank *m, const int16_t *query_q10)
 {
     int32_t sum[SAGA_MAX_SLOT_WIDTH];
     uint32_t d;
@@ -238,8 +235,8 @@ static int32_t component_along(const int16_t *slot, const int16_t *write,
 }
 
 /* s + g v in Q27: |s| 2^15 <= 2^27, g v < 2^30. In Q20 below 2^24. */
-void saga_bank_update(const saga_bank *m, uint32_t p,
-                      const int16_t *write, int32_t gate_q15, int plain)
+void saga_bank_update(const saga_bank *m, uint32_t p, const int16_t *write,
+                      int32_t gate_q15, int plain)
 {
     int16_t *const slot = m->slot + (size_t)p * saga_mlp_pad(m->width);
     const int32_t along = plain ? 0 : component_along(slot, write, m->width);

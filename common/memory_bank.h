@@ -20,33 +20,33 @@
 #include <stdint.h>
 
 enum {
-    SAGA_MIN_SLOTS = 32,         /* L, a power of two; or no bank */
+    SAGA_MIN_SLOTS = 32, /* L, a power of two; or no bank */
     SAGA_MAX_SLOTS = 512,
-    SAGA_MAX_SLOT_WIDTH = 64,    /* D, a multiple of 8 */
-    SAGA_MAX_ROUND = 65535,       /* tokens of a round */
-    SAGA_SLOT_Q = 12,            /* Q format of slots, reads and writes */
+    SAGA_MAX_SLOT_WIDTH = 64, /* D, a multiple of 8 */
+    SAGA_MAX_ROUND = 65535,   /* tokens of a round */
+    SAGA_SLOT_Q = 12,         /* Q format of slots, reads and writes */
     SAGA_QUERY_Q = 10,
-    SAGA_GATE_Q = 11             /* before the sigmoid */
+    SAGA_GATE_Q = 11 /* before the sigmoid */
 };
 
 /* The current round: the sum of its tokens so far. */
 typedef struct saga_round {
-    uint32_t n;                          /* tokens so far */
-    int32_t sum[SAGA_MAX_SLOT_WIDTH];    /* sum of these tokens, Q12 */
-    int16_t read[SAGA_MAX_SLOT_WIDTH];   /* result of the last read */
+    uint32_t n;                        /* tokens so far */
+    int32_t sum[SAGA_MAX_SLOT_WIDTH];  /* sum of these tokens, Q12 */
+    int16_t read[SAGA_MAX_SLOT_WIDTH]; /* result of the last read */
 } saga_round;
 
 /* A bank in memory that the caller owns; n_slots = 0 if there is no bank. */
 typedef struct saga_bank {
-    int16_t *slot;           /* (n_slots, pad(width)) Q12, padding zero */
-    int16_t *column;         /* (width, n_slots) the same, transposed */
-    int16_t *embedding;      /* (n_slots, hidden) own vectors of the slots */
-    int32_t *score;          /* (n_slots) scratch of a read */
-    int16_t *weight;         /* (n_slots) scratch of a read */
+    int16_t *slot;      /* (n_slots, pad(width)) Q12, padding zero */
+    int16_t *column;    /* (width, n_slots) the same, transposed */
+    int16_t *embedding; /* (n_slots, hidden) own vectors of the slots */
+    int32_t *score;     /* (n_slots) scratch of a read */
+    int16_t *weight;    /* (n_slots) scratch of a read */
     saga_round *round;
-    uint32_t n_slots;        /* L */
-    uint32_t width;          /* D */
-    uint32_t hidden;         /* hidden width of the write's network */
+    uint32_t n_slots; /* L */
+    uint32_t width;   /* D */
+    uint32_t hidden;  /* hidden width of the write's network */
 } saga_bank;
 
 /* Places the arrays of a bank, whose n_slots, width and hidden are set, in a
@@ -69,8 +69,7 @@ void saga_bank_start(const saga_bank *m);
  * most 1/2 + L 2^-15 (1 + 1.3/E) max|s| LSB, where E in 1..L is the sum of the
  * exponentials divided by the largest. It comes from half an LSB of Q14 in each
  * weight and 0.65 LSB of Q15, twice, in each exponential. */
-void saga_bank_read(int16_t *out, const saga_bank *m,
-                    const int16_t *query_q10);
+void saga_bank_read(int16_t *out, const saga_bank *m, const int16_t *query_q10);
 
 /* Sets out[0..n) to sum / count, rounded to nearest, halves up, with a relative
  * error of at most 2^-30; to 0 if count is 0. */
@@ -86,8 +85,8 @@ void saga_bank_put(const saga_bank *m, uint32_t p, const int16_t *slot);
  * <v, s> is not divided by |s|^2, which is within 0.2 % of 1 at D = 64. If v or
  * g is 0, the slot stays the same, apart from rounding. If s is 0, it takes the
  * direction of v. If the sum is 0 (plain: v = -s, g = 1), s does not change. */
-void saga_bank_update(const saga_bank *m, uint32_t p,
-                      const int16_t *write, int32_t gate_q15, int plain);
+void saga_bank_update(const saga_bank *m, uint32_t p, const int16_t *write,
+                      int32_t gate_q15, int plain);
 
 /* Return the number of products in a read of the bank, and in an update of one
  * slot. */

@@ -10,7 +10,6 @@
 
 #include "fx.h"
 
-
 /* 65538 * 32767 = 2^31 - 2 is the largest multiple of 32767 below 2^31, so that
  * after the first tests everything fits int32. */
 int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
@@ -178,8 +177,8 @@ static int32_t dot_i8(const int8_t *w, const int16_t *x, uint32_t n)
     return sum;
 }
 
-static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
-                        const int16_t *x, uint32_t row, uint32_t n_row)
+static void dot_rows_i8(int32_t *sum, const saga_layer *layer, const int16_t *x,
+                        uint32_t row, uint32_t n_row)
 {
     const uint32_t n = saga_mlp_pad(layer->n_in);
     const int8_t *w = layer->weight;
@@ -216,7 +215,7 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
                     uint32_t n)
 {
     const uint32_t n_row = layer->n_out;
-    uint32_t row = 0, done = 0;  /* points of which all rows are computed */
+    uint32_t row = 0, done = 0; /* points of which all rows are computed */
 
 #ifdef SAGA_MLP_TILE
 #ifdef SAGA_MLP_MAY_AVX2

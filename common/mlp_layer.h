@@ -20,16 +20,16 @@ static inline uint32_t saga_mlp_pad(uint32_t n)
 
 /* One layer: y = relu?(sat16(fx_rshift(bias + W x, shift))) row by row. */
 typedef struct saga_layer {
-    const void *weight;      /* n_out * pad(n_in) int8_t or int16_t, placed by
-                              * saga_mlp_weight_at, zero in the padding;
-                              * aligned to 16 */
-    const int32_t *bias;     /* (n_out) at input Q + weight Q */
-    const uint8_t *shift;    /* (n_out), 0..24 */
-    uint16_t n_in, n_out;    /* n_in may be 0 (bias only): weight and x are not
-                              * read then, but are not NULL either */
-    uint8_t int8;            /* weights are int8_t */
+    const void *weight;   /* n_out * pad(n_in) int8_t or int16_t, placed by
+                           * saga_mlp_weight_at, zero in the padding;
+                           * aligned to 16 */
+    const int32_t *bias;  /* (n_out) at input Q + weight Q */
+    const uint8_t *shift; /* (n_out), 0..24 */
+    uint16_t n_in, n_out; /* n_in may be 0 (bias only): weight and x are not
+                           * read then, but are not NULL either */
+    uint8_t int8;         /* weights are int8_t */
     uint8_t relu;
-    saga_cpu cpu;            /* the machine has it */
+    saga_cpu cpu; /* the machine has it */
 } saga_layer;
 
 /* mlp_avx2.c compiles the tiles of mlp_x86.h for AVX2, for machines that turn

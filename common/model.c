@@ -15,10 +15,10 @@ const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
     { 256u << 10, 512, 512, 1024, 48000, 5120, 1ull << 28, 32, 512, 32, 1 },
     { 4u << 20, 16000, 16000, 16000, 128000, 160000, 1ull << 32, 64, 1024, 64,
       0 },
-    { 32u << 20, 160000, 160000, 160000, 128000, 1600000, 1ull << 35, 128,
-      4096, 64, 0 },
-    { 1u << 30, 1u << 22, 1u << 22, 1u << 22, 524288, 1u << 23, 1ull << 39,
-      512, 16384, 128, 0 },
+    { 32u << 20, 160000, 160000, 160000, 128000, 1600000, 1ull << 35, 128, 4096,
+      64, 0 },
+    { 1u << 30, 1u << 22, 1u << 22, 1u << 22, 524288, 1u << 23, 1ull << 39, 512,
+      16384, 128, 0 },
 };
 
 /* --- Outputs ------------------------------------------------------------- */
@@ -32,9 +32,9 @@ enum { FIXED = 64, LIKE_INPUT = 128 };
  * FIXED + Q, or LIKE_INPUT + the network that takes them. */
 typedef struct {
     uint8_t net, format, n;
-    uint8_t most_q;         /* see saga_rows */
-    uint8_t order;          /* least motion order */
-    uint16_t tools;         /* any of these SAGA_TOOL_* bits; 0: always */
+    uint8_t most_q; /* see saga_rows */
+    uint8_t order;  /* least motion order */
+    uint16_t tools; /* any of these SAGA_TOOL_* bits; 0: always */
 } output;
 
 enum {
@@ -86,10 +86,8 @@ static int is_fuse(int net)
 
 static uint32_t n_rows(const saga_model *m, const output *o)
 {
-    const uint8_t by_model[] = {
-        m->features, m->width[SAGA_NET_COLOUR], m->width[SAGA_NET_WRITE],
-        m->bank_width
-    };
+    const uint8_t by_model[] = { m->features, m->width[SAGA_NET_COLOUR],
+                                 m->width[SAGA_NET_WRITE], m->bank_width };
 
     if ((o->tools && !(m->tools & o->tools)) ||
         saga_motion_order(m) < o->order ||
@@ -147,7 +145,8 @@ int saga_output_q(const saga_model *m, int net, uint32_t row)
     for (; row >= n_rows(m, o); o++)
         row -= n_rows(m, o);
     return o->format >= LIKE_INPUT ? m->q_in[o->format - LIKE_INPUT]
-         : o->format >= FIXED ? o->format - FIXED : m->out_q[o->format];
+           : o->format >= FIXED    ? o->format - FIXED
+                                   : m->out_q[o->format];
 }
 
 /* --- Shapes -------------------------------------------------------------- */
@@ -175,11 +174,15 @@ static uint32_t n_inputs(const saga_model *m, int net)
         [SAGA_NET_E_COARSE] = entropy_inputs(m, m->sources[SAGA_KIND_COARSE]),
         [SAGA_NET_E_FINE] = entropy_inputs(m, m->sources[SAGA_KIND_FINE]),
         [SAGA_NET_E_PRIM] = entropy_inputs(m, m->sources[SAGA_KIND_PRIM]),
-        [SAGA_NET_FUSE_C] = local, [SAGA_NET_FUSE_F] = local,
-        [SAGA_NET_FINE] = local, [SAGA_NET_GEO] = local,
-        [SAGA_NET_COLOUR_BASE] = local, [SAGA_NET_COLOUR_VIEW] = 3,
+        [SAGA_NET_FUSE_C] = local,
+        [SAGA_NET_FUSE_F] = local,
+        [SAGA_NET_FINE] = local,
+        [SAGA_NET_GEO] = local,
+        [SAGA_NET_COLOUR_BASE] = local,
+        [SAGA_NET_COLOUR_VIEW] = 3,
         [SAGA_NET_COLOUR] = m->width[SAGA_NET_COLOUR],
-        [SAGA_NET_QUERY] = local + 6, [SAGA_NET_AGG] = local + 6,
+        [SAGA_NET_QUERY] = local + 6,
+        [SAGA_NET_AGG] = local + 6,
         [SAGA_NET_SLOT] = m->bank_slots,
         [SAGA_NET_WRITE_BASE] = m->bank_width,
         [SAGA_NET_WRITE] = m->width[SAGA_NET_WRITE],
@@ -191,22 +194,24 @@ static uint32_t n_inputs(const saga_model *m, int net)
 
 static int exists(const saga_model *m, int net)
 {
-    return net == SAGA_NET_HYPER
-               ? (saga_any_source(m) & SAGA_SOURCE_HYPER) != 0
-         : is_fuse(net) ? m->width[net] != 0
-         : net == SAGA_NET_COLOUR_VIEW ? (m->tools & SAGA_TOOL_VIEW) != 0
-         : saga_is_described(m, net);
+    return net == SAGA_NET_HYPER ? (saga_any_source(m) & SAGA_SOURCE_HYPER) != 0
+           : is_fuse(net)        ? m->width[net] != 0
+           : net == SAGA_NET_COLOUR_VIEW ? (m->tools & SAGA_TOOL_VIEW) != 0
+                                         : saga_is_described(m, net);
 }
 
 void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
 {
     static const uint8_t n_layers[SAGA_N_NETS] = {
-        [SAGA_NET_HYPER] = 3, [SAGA_NET_E_COARSE] = 3, [SAGA_NET_E_FINE] = 3,
-        [SAGA_NET_E_PRIM] = 3, [SAGA_NET_FUSE_C] = 2, [SAGA_NET_FUSE_F] = 2,
-        [SAGA_NET_FINE] = 3, [SAGA_NET_GEO] = 3, [SAGA_NET_COLOUR_BASE] = 1,
-        [SAGA_NET_COLOUR_VIEW] = 1, [SAGA_NET_COLOUR] = 2,
-        [SAGA_NET_QUERY] = 2, [SAGA_NET_AGG] = 2, [SAGA_NET_SLOT] = 2,
-        [SAGA_NET_WRITE_BASE] = 1, [SAGA_NET_WRITE] = 1, [SAGA_NET_RES] = 2
+        [SAGA_NET_HYPER] = 3,       [SAGA_NET_E_COARSE] = 3,
+        [SAGA_NET_E_FINE] = 3,      [SAGA_NET_E_PRIM] = 3,
+        [SAGA_NET_FUSE_C] = 2,      [SAGA_NET_FUSE_F] = 2,
+        [SAGA_NET_FINE] = 3,        [SAGA_NET_GEO] = 3,
+        [SAGA_NET_COLOUR_BASE] = 1, [SAGA_NET_COLOUR_VIEW] = 1,
+        [SAGA_NET_COLOUR] = 2,      [SAGA_NET_QUERY] = 2,
+        [SAGA_NET_AGG] = 2,         [SAGA_NET_SLOT] = 2,
+        [SAGA_NET_WRITE_BASE] = 1,  [SAGA_NET_WRITE] = 1,
+        [SAGA_NET_RES] = 2
     };
     int i;
 
@@ -224,8 +229,10 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
         s->dim[i] = m->width[net];
     /* D_res has a row for each row that it corrects. */
     s->dim[s->n_layers] = (uint16_t)(net != SAGA_NET_RES
-        ? n_outputs(m, net)
-        : n_outputs(m, SAGA_NET_GEO) + n_outputs(m, SAGA_NET_COLOUR_BASE));
+                                         ? n_outputs(m, net)
+                                         : n_outputs(m, SAGA_NET_GEO) +
+                                               n_outputs(m,
+                                                         SAGA_NET_COLOUR_BASE));
 }
 
 uint32_t saga_net_macs(const saga_net_shape *s)

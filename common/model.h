@@ -46,17 +46,17 @@ enum {
  * tool that is off costs neither bits nor time. This decoder has the tools of
  * the first list. A stream that sets a bit of the second list, or any other
  * bit, needs a newer decoder. Bits 3 and 4 are the motion order, 0..3. */
-#define SAGA_TOOL_LIST(X) \
-    X(OPACITY_T, 0, "temporal opacity", "temporal_opacity") \
-    X(SLOPE, 1, "linear rotation", "linear_rotation") \
-    X(VIEW, 2, "view-dependent colour", "view_dependent_colour") \
-    /* What stands still is coded once for the whole file, in a base. */ \
-    X(BASE, 5, "base segment", "base_segment") \
+#define SAGA_TOOL_LIST(X)                                                      \
+    X(OPACITY_T, 0, "temporal opacity", "temporal_opacity")                    \
+    X(SLOPE, 1, "linear rotation", "linear_rotation")                          \
+    X(VIEW, 2, "view-dependent colour", "view_dependent_colour")               \
+    /* What stands still is coded once for the whole file, in a base. */       \
+    X(BASE, 5, "base segment", "base_segment")                                 \
     /* A splat's alpha falls off as exp(-(s + s^2 / 2)) instead of exp(-s). */ \
-    X(STEEP, 6, "steep splats", "steep_splats") \
-    X(HASH, 8, "residual hash", "residual_hash") \
-    X(BANK, 9, "memory bank", "memory_bank") \
-    /* The bank is updated without the projection. */ \
+    X(STEEP, 6, "steep splats", "steep_splats")                                \
+    X(HASH, 8, "residual hash", "residual_hash")                               \
+    X(BANK, 9, "memory bank", "memory_bank")                                   \
+    /* The bank is updated without the projection. */                          \
     X(PLAIN_WRITE, 10, "plain bank writes", "plain_bank_writes")
 
 #define SAGA_TOOL_LATER_LIST(X) \
@@ -66,9 +66,8 @@ enum {
 #define SAGA_TOOL_OR(word, bit, name, key) | 1u << (bit)
 
 enum {
-    SAGA_TOOL_LIST(SAGA_TOOL_BIT)
-    SAGA_TOOL_LATER_LIST(SAGA_TOOL_BIT)
-    SAGA_TOOL_MOTION_SHIFT = 3,
+    SAGA_TOOL_LIST(SAGA_TOOL_BIT) SAGA_TOOL_LATER_LIST(SAGA_TOOL_BIT)
+        SAGA_TOOL_MOTION_SHIFT = 3,
     SAGA_TOOL_MOTION_MASK = 3u << 3,
     /* Attributes of primitives that depend on time, and all attributes. */
     SAGA_TOOLS_TIME = SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
@@ -80,10 +79,10 @@ enum {
 
 /* Inputs of the entropy networks, as bits of saga_model.sources[]. */
 enum {
-    SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
-    SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser tier (fine, prim) */
-    SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
-    SAGA_SOURCE_BANK = 1u << 3,      /* memory bank */
+    SAGA_SOURCE_HYPER = 1u << 0,  /* INR hyperprior */
+    SAGA_SOURCE_PARENT = 1u << 1, /* decoded coarser tier (fine, prim) */
+    SAGA_SOURCE_GROUPS = 1u << 2, /* earlier groups (coarse, fine) */
+    SAGA_SOURCE_BANK = 1u << 3,   /* memory bank */
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
@@ -119,32 +118,32 @@ enum {
     SAGA_NET_COLOUR_BASE,
     SAGA_NET_COLOUR_VIEW,
     SAGA_NET_COLOUR,
-    SAGA_NET_QUERY,         /* a block -> its query to the bank */
-    SAGA_NET_AGG,           /* a decoded block -> its token */
-    SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
-    SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
-    SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
-    SAGA_NET_RES,           /* D_res: entries -> corrections of the outputs of
-                             * GEO and of COLOUR_BASE */
+    SAGA_NET_QUERY,      /* a block -> its query to the bank */
+    SAGA_NET_AGG,        /* a decoded block -> its token */
+    SAGA_NET_SLOT,       /* write: L -> E (its width) -> W of WRITE */
+    SAGA_NET_WRITE_BASE, /* write: D -> W of WRITE */
+    SAGA_NET_WRITE,      /* write: W -> candidate D, gate 1 */
+    SAGA_NET_RES,        /* D_res: entries -> corrections of the outputs of
+                          * GEO and of COLOUR_BASE */
     SAGA_N_NETS
 };
 
 /* Outputs of networks. An output is consecutive rows of the last layer that
  * share a Q format, which is in the header. */
 enum {
-    SAGA_OUT_COARSE,       /* coarse features, decoded, and E_coarse's mu */
-    SAGA_OUT_HYPER,        /* hyperprior embedding */
-    SAGA_OUT_SIGMA,        /* log2(sigma / step) of every E */
+    SAGA_OUT_COARSE, /* coarse features, decoded, and E_coarse's mu */
+    SAGA_OUT_HYPER,  /* hyperprior embedding */
+    SAGA_OUT_SIGMA,  /* log2(sigma / step) of every E */
     SAGA_OUT_FUSE_C,
     SAGA_OUT_FUSE_F,
-    SAGA_OUT_FINE,         /* features of a fine anchor */
-    SAGA_OUT_SUPPORT,      /* log2 support, relative to the parent's cell */
+    SAGA_OUT_FINE,    /* features of a fine anchor */
+    SAGA_OUT_SUPPORT, /* log2 support, relative to the parent's cell */
     SAGA_OUT_OPACITY,
-    SAGA_OUT_SCALE,        /* log2 scale, relative to the coarse cell */
-    SAGA_OUT_QUAT,         /* relative to (1, 0, 0, 0); at most 14 */
+    SAGA_OUT_SCALE, /* log2 scale, relative to the coarse cell */
+    SAGA_OUT_QUAT,  /* relative to (1, 0, 0, 0); at most 14 */
     SAGA_OUT_SLOPE,
-    SAGA_OUT_TIME,         /* temporal centre, in the support */
-    SAGA_OUT_WIDTH,        /* log2 temporal width, relative to the cell */
+    SAGA_OUT_TIME,  /* temporal centre, in the support */
+    SAGA_OUT_WIDTH, /* log2 temporal width, relative to the cell */
     SAGA_OUT_MOTION1,
     SAGA_OUT_MOTION2,
     SAGA_OUT_MOTION3,
@@ -157,54 +156,54 @@ enum {
 typedef struct saga_net_shape {
     uint16_t dim[SAGA_MAX_NET_LAYERS + 1];
     uint8_t n_layers;
-    uint8_t int8;           /* weights are stored in 8 bits */
-    uint8_t q_in;           /* Q format of its input vector */
+    uint8_t int8; /* weights are stored in 8 bits */
+    uint8_t q_in; /* Q format of its input vector */
 } saga_net_shape;
 
 /* --- The header's model part --------------------------------------------- */
 
 typedef struct saga_tier {
-    uint8_t n_groups;       /* modulo groups, 1..16 */
-    uint8_t window;         /* w, 0..32 */
-    uint8_t neighbours;     /* K, 1..16 */
-    uint8_t suffix_bits;    /* B of the CHILDREN of this tier's anchors, 0..8:
-                             * [coarse] B_f, [fine] B_prim */
-    uint8_t max_children;   /* children of an anchor of this tier, 1..16 */
-    uint16_t radius2_q12;   /* rho^2, d < rho^2 */
-    uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
+    uint8_t n_groups;     /* modulo groups, 1..16 */
+    uint8_t window;       /* w, 0..32 */
+    uint8_t neighbours;   /* K, 1..16 */
+    uint8_t suffix_bits;  /* B of the CHILDREN of this tier's anchors, 0..8:
+                           * [coarse] B_f, [fine] B_prim */
+    uint8_t max_children; /* children of an anchor of this tier, 1..16 */
+    uint16_t radius2_q12; /* rho^2, d < rho^2 */
+    uint16_t softmax_q8;  /* log2(e) / T, >= 1 */
 } saga_tier;
 
 /* Quantiser steps, in Q16 of the LSB of the coded value; each is at least 16
  * LSB. */
 enum {
-    SAGA_STEP_CENTRE,       /* coarse centre residual, y in Q14 half-sizes */
-    SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_OUT_COARSE */
-    SAGA_STEP_FINE,         /* fine offset residual, y in Q14 */
-    SAGA_STEP_PRIM,         /* primitive offset residual, y in Q14 */
+    SAGA_STEP_CENTRE,  /* coarse centre residual, y in Q14 half-sizes */
+    SAGA_STEP_FEATURE, /* coarse features, y in SAGA_OUT_COARSE */
+    SAGA_STEP_FINE,    /* fine offset residual, y in Q14 */
+    SAGA_STEP_PRIM,    /* primitive offset residual, y in Q14 */
     SAGA_N_STEPS
 };
 
 typedef struct saga_model {
     uint32_t tools;
     uint8_t sources[SAGA_N_KINDS];
-    uint8_t features;       /* F, 1..64 */
-    uint8_t octaves;        /* octaves of the embedding, 1..8 */
-    uint16_t lambda_t_q8;   /* weight of time in the distance */
+    uint8_t features;     /* F, 1..64 */
+    uint8_t octaves;      /* octaves of the embedding, 1..8 */
+    uint16_t lambda_t_q8; /* weight of time in the distance */
     saga_tier tier[SAGA_N_TIERS];
     uint32_t step_q16[SAGA_N_STEPS];
     uint8_t out_q[SAGA_N_OUTS];
-    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; 0 in FUSE_C and
-                                  * FUSE_F if the network does not exist, in
-                                  * FINE and GEO if it has one layer */
+    uint8_t width[SAGA_N_NETS]; /* hidden units, 1..128; 0 in FUSE_C and
+                                 * FUSE_F if the network does not exist, in
+                                 * FINE and GEO if it has one layer */
     uint8_t q_in[SAGA_N_NETS];
-    uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
+    uint8_t int8[SAGA_N_NETS]; /* 0 or 1 */
     /* Sizes of the memory bank; all are 0 without SAGA_TOOL_BANK. */
     uint16_t bank_slots;  /* L: 32, 64, 128, 256 or 512 */
     uint8_t bank_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
     uint16_t bank_blocks; /* B: blocks per round at most, >= 1 */
     /* The tables of the residual hash; both are 0 without SAGA_TOOL_HASH. All
      * tables together have at most SAGA_MAX_ENTRIES entries. */
-    uint8_t hash_levels;  /* 1..SAGA_MAX_HASH_LEVELS */
+    uint8_t hash_levels;       /* 1..SAGA_MAX_HASH_LEVELS */
     uint8_t hash_log2_entries; /* log2 of the entries of each table, 1..9 */
 } saga_model;
 
@@ -222,8 +221,7 @@ static inline int saga_is_dynamic(const saga_model *m)
 /* Returns whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
-    const uint32_t tool = net == SAGA_NET_RES ? SAGA_TOOL_HASH
-                                              : SAGA_TOOL_BANK;
+    const uint32_t tool = net == SAGA_NET_RES ? SAGA_TOOL_HASH : SAGA_TOOL_BANK;
 
     return net < SAGA_NET_QUERY || (m->tools & tool) != 0;
 }
@@ -237,16 +235,15 @@ static inline int saga_fuse_net(int tier)
 /* Return the Q format of a tier's features, and of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int tier)
 {
-    return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_COARSE
-                                               : SAGA_OUT_FINE];
+    return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_COARSE : SAGA_OUT_FINE];
 }
 
 static inline int saga_fused_q(const saga_model *m, int tier)
 {
     if (!m->width[saga_fuse_net(tier)])
         return saga_feature_q(m, tier);
-    return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C
-                                               : SAGA_OUT_FUSE_F];
+    return m
+        ->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C : SAGA_OUT_FUSE_F];
 }
 
 /* Returns whether rounds of a tier write to the bank, which they do if a later
@@ -289,7 +286,7 @@ static inline uint32_t saga_n_channels(const saga_model *m, int kind)
  * output's tool is off or its network does not exist. */
 typedef struct saga_rows {
     uint8_t net, first, n;
-    uint8_t most_q;         /* the finest useful Q format */
+    uint8_t most_q; /* the finest useful Q format */
 } saga_rows;
 
 /* Finds the rows of every output except SIGMA, which three networks have. */
@@ -315,15 +312,15 @@ typedef struct saga_level_caps {
     uint32_t work_nbytes;
     uint32_t n_coarse, n_fine, n_prim;
     uint32_t n_weights;
-    uint32_t n_anchors;     /* coarse and fine anchors, of the base and of all
-                             * layers of a segment */
-    uint64_t work;          /* work for the base and a segment:
-                             * multiply-accumulates, and SAGA_RUN_WORK for each
-                             * run of a network */
-    uint16_t n_slots;       /* slots of the memory bank */
-    uint16_t cover;         /* area of all boxes of a view, in pictures */
+    uint32_t n_anchors; /* coarse and fine anchors, of the base and of all
+                         * layers of a segment */
+    uint64_t work;      /* work for the base and a segment:
+                         * multiply-accumulates, and SAGA_RUN_WORK for each
+                         * run of a network */
+    uint16_t n_slots;   /* slots of the memory bank */
+    uint16_t cover;     /* area of all boxes of a view, in pictures */
     uint8_t width;
-    uint8_t int8_only;      /* every network must be int8 */
+    uint8_t int8_only; /* every network must be int8 */
 } saga_level_caps;
 
 /* Work that is added for each run of a network on one point. */
@@ -339,15 +336,16 @@ extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
 
 /* --- Rendering constants; the float trainer reads them here -------------- */
 
-#define SAGA_ALPHA_CAP_Q16 64880   /* alpha <= 0.99 */
-#define SAGA_PEAK_LOG2 3           /* opacities are below 2^3; where they exceed
-                                    * the cap, splats have a flat top */
+#define SAGA_ALPHA_CAP_Q16 64880 /* alpha <= 0.99 */
+/* Opacities are below 2^3; where they exceed the cap, splats have a flat
+ * top. */
+#define SAGA_PEAK_LOG2 3
 /* alpha = min(2^(SAGA_PEAK_LOG2 - q), cap); a splat does not touch a pixel if
  * this is 2^-8 or less. */
 #define SAGA_CUT_LOG2 (SAGA_PEAK_LOG2 + 8)
 #define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
-#define SAGA_T_FLOOR_Q16 8         /* a pixel is finished below 8 / 65536 */
-#define SAGA_LOW_PASS_NUM 1        /* 0.1 px^2 added to the 2-D covariance */
+#define SAGA_T_FLOOR_Q16 8  /* a pixel is finished below 8 / 65536 */
+#define SAGA_LOW_PASS_NUM 1 /* 0.1 px^2 added to the 2-D covariance */
 #define SAGA_LOW_PASS_DEN 10
 
 #endif

@@ -33,8 +33,7 @@ static inline uint32_t saga_morton_suffix(const uint32_t v[4], uint32_t bits)
 }
 
 /* Returns the modulo group of integer coordinates (paper: gamma). */
-static inline uint32_t saga_morton_group(const uint32_t v[4],
-                                         uint32_t n_groups)
+static inline uint32_t saga_morton_group(const uint32_t v[4], uint32_t n_groups)
 {
     uint32_t g = (v[0] & 1u) | (v[1] & 1u) << 1 | (v[2] & 1u) << 2 |
                  (v[3] & 1u) << 3;

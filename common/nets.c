@@ -117,11 +117,11 @@ void saga_net_run(const saga_runner *r, int net, uint32_t n)
     saga_layer layer;
     int i;
 
-    (void)saga_tally_add(r->tally, n * (saga_net_macs(&r->nets->shape[net]) +
-                                        SAGA_RUN_WORK));
+    (void)saga_tally_add(
+        r->tally, n * (saga_net_macs(&r->nets->shape[net]) + SAGA_RUN_WORK));
     for (i = 0; i < r->nets->shape[net].n_layers; i++) {
-        int16_t *const y = (r->nets->shape[net].n_layers - i) & 1
-                               ? v->out : v->hidden;
+        int16_t *const y = (r->nets->shape[net].n_layers - i) & 1 ? v->out
+                                                                  : v->hidden;
 
         saga_nets_layer(&layer, r->nets, r->params, net, i);
         layer.cpu = r->cpu;

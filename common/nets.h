@@ -21,8 +21,8 @@
  * eighths of 2^-q_fine. */
 typedef struct saga_nets {
     saga_net_shape shape[SAGA_N_NETS];
-    uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
-    uint32_t nbytes;               /* bytes of the block */
+    uint32_t offset[SAGA_N_NETS]; /* bytes from the block's start */
+    uint32_t nbytes;              /* bytes of the block */
 } saga_nets;
 
 /* Offsets of the parts of a layer in the block, in bytes. */
@@ -73,17 +73,17 @@ typedef struct saga_vectors {
     int16_t in[SAGA_MAX_VECTOR];
     int16_t hidden[SAGA_MAX_VECTOR];
     int16_t out[SAGA_MAX_VECTOR];
-    int16_t kept[SAGA_MAX_VECTOR];       /* no run of a network changes it */
-    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
+    int16_t kept[SAGA_MAX_VECTOR];      /* no run of a network changes it */
+    int16_t context[SAGA_MAX_FEATURES]; /* one interpolated feature */
 } saga_vectors;
 
 /* Everything that a run needs; the caller owns the memory. */
 typedef struct saga_runner {
     const saga_nets *nets;
-    const uint8_t *params;       /* the block */
+    const uint8_t *params; /* the block */
     saga_vectors *v;
-    saga_cpu cpu;                /* SIMD to use, which the machine has */
-    saga_tally *tally;           /* counts the work of runs; may be NULL */
+    saga_cpu cpu;      /* SIMD to use, which the machine has */
+    saga_tally *tally; /* counts the work of runs; may be NULL */
 } saga_runner;
 
 /* Returns the number of points, 1..SAGA_MAX_POINTS, for which the scratch has

@@ -6,8 +6,8 @@
 
 /* floor(32768 / n), n = 0..17. */
 static const uint16_t share[SAGA_MAX_ADAPTIVE + 1] = {
-    0, 32768, 16384, 10922, 8192, 6553, 5461, 4681, 4096,
-    3640, 3276, 2978, 2730, 2520, 2340, 2184, 2048, 1927
+    0,    32768, 16384, 10922, 8192, 6553, 5461, 4681, 4096,
+    3640, 3276,  2978,  2730,  2520, 2340, 2184, 2048, 1927
 };
 
 saga_scale_row saga_prob_scale(uint32_t index)
@@ -51,7 +51,8 @@ void saga_adaptive_update(saga_adaptive *m, uint32_t n_sym, uint32_t sym)
     for (i = 1; i < n_sym; i++) {
         const int32_t x = m->start[i - 1];
         const int32_t target = i <= sym
-            ? (int32_t)i : (int32_t)(SAGA_PROB_TOTAL - n_sym + i);
+                                   ? (int32_t)i
+                                   : (int32_t)(SAGA_PROB_TOTAL - n_sym + i);
 
         m->start[i - 1] = (uint16_t)(x + ((target - x) >> rate));
     }

@@ -20,11 +20,11 @@
 /* --- Residuals ----------------------------------------------------------- */
 
 enum {
-    SAGA_N_SCALES = 64,      /* sigma_i = 2^((i - 22) / 7) steps */
+    SAGA_N_SCALES = 64, /* sigma_i = 2^((i - 22) / 7) steps */
     SAGA_SCALE_PER_OCTAVE = 7,
-    SAGA_SCALE_UNIT = 22,    /* index of sigma = 1 */
+    SAGA_SCALE_UNIT = 22, /* index of sigma = 1 */
     SAGA_MAX_RESIDUAL = 65535,
-    SAGA_ESCAPE_ORDER = 3    /* Exp-Golomb order of escapes */
+    SAGA_ESCAPE_ORDER = 3 /* Exp-Golomb order of escapes */
 };
 
 /* The distribution of one scale over 0, +1, -1, ..., +M, -M, escape. It has M +
@@ -32,7 +32,7 @@ enum {
  * remainder of the range. */
 typedef struct saga_scale_row {
     const uint16_t *start;
-    uint32_t max;            /* M, 1..255 */
+    uint32_t max; /* M, 1..255 */
 } saga_scale_row;
 
 /* Returns the index of the scale nearest to log2(sigma), which is in Q q,
@@ -56,8 +56,8 @@ enum { SAGA_MAX_ADAPTIVE = 17 };
  * at least 1. */
 typedef struct saga_adaptive {
     uint16_t start[SAGA_MAX_ADAPTIVE - 1];
-    uint16_t seen;           /* number of coded symbols, saturating; determines
-                              * the rate of adaptation */
+    uint16_t seen; /* number of coded symbols, saturating; determines
+                    * the rate of adaptation */
 } saga_adaptive;
 
 /* Initialises a model with equal frequencies; n_sym in 2..17. */
@@ -67,8 +67,7 @@ void saga_adaptive_init(saga_adaptive *m, uint32_t n_sym);
 void saga_adaptive_init_binomial(saga_adaptive *m, uint32_t n);
 
 /* Returns the start of symbol sym, 0..n_sym-1. */
-static inline uint32_t saga_adaptive_start(const saga_adaptive *m,
-                                           uint32_t sym)
+static inline uint32_t saga_adaptive_start(const saga_adaptive *m, uint32_t sym)
 {
     return sym ? m->start[sym - 1] : 0;
 }

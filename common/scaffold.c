@@ -32,11 +32,12 @@ void saga_position_move(saga_position *p, const int16_t offset_q14[4])
     int i;
 
     for (i = 0; i < 3; i++)
-        p->x[i] = fx_clamp64(p->x[i] + fx_rshift64((int64_t)p->support[i] *
-                                                   offset_q14[i], 14),
-                             SAGA_X_MIN, SAGA_X_MAX);
-    p->t = fx_clamp64(p->t + fx_rshift64((int64_t)p->support[3] *
-                                         offset_q14[3], 14), 0, SAGA_T_MAX);
+        p->x[i] = fx_clamp64(
+            p->x[i] + fx_rshift64((int64_t)p->support[i] * offset_q14[i], 14),
+            SAGA_X_MIN, SAGA_X_MAX);
+    p->t = fx_clamp64(
+        p->t + fx_rshift64((int64_t)p->support[3] * offset_q14[3], 14), 0,
+        SAGA_T_MAX);
 }
 
 void saga_position_fine(saga_position *p, const saga_fine *f)

@@ -21,7 +21,7 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_X_MAX ((1 << 23) - 1)
 #define SAGA_T_MAX 65535
 
-#define SAGA_T_MID 32768         /* view directions are those at this time */
+#define SAGA_T_MID 32768 /* view directions are those at this time */
 
 /* A temporal centre may lie outside the segment by half its duration. */
 #define SAGA_CENTRE_T_MIN (-32768)
@@ -29,10 +29,10 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 
 /* A coarse anchor is an active leaf of the 4-D tree. */
 typedef struct saga_coarse {
-    int32_t x[3];            /* coded centre, used by interpolation only */
-    uint32_t first_fine;     /* rank of its first fine anchor */
+    int32_t x[3];        /* coded centre, used by interpolation only */
+    uint32_t first_fine; /* rank of its first fine anchor */
     uint16_t t;
-    uint16_t cell[3];        /* integer coordinates at its own depth */
+    uint16_t cell[3]; /* integer coordinates at its own depth */
     uint8_t cell_t;
     uint8_t depth_x, depth_t;
     uint8_t n_fine;
@@ -41,12 +41,12 @@ typedef struct saga_coarse {
 
 typedef struct saga_fine {
     int32_t x[3];
-    int32_t support[4];      /* l_f: x, y, z in 1..2^23, t in 1..2^16; the
-                              * parent's half-sizes until F_fine has run */
-    uint32_t parent;         /* coarse rank */
+    int32_t support[4]; /* l_f: x, y, z in 1..2^23, t in 1..2^16; the
+                         * parent's half-sizes until F_fine has run */
+    uint32_t parent;    /* coarse rank */
     uint32_t first_prim;
-    int16_t local[4];        /* offset o in Q14 half-sizes from the parent's
-                              * CELL centre; log2 l_f in Q10 after F_fine */
+    int16_t local[4]; /* offset o in Q14 half-sizes from the parent's
+                       * CELL centre; log2 l_f in Q10 after F_fine */
     uint16_t t;
     uint8_t n_prim;
     uint8_t group;
@@ -68,28 +68,28 @@ typedef struct saga_set_models {
 /* The adaptive models of a scaffold, which keep their state from chunk to
  * chunk. */
 typedef struct saga_models {
-    saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* index: spatial depth */
+    saga_adaptive split[SAGA_MAX_DEPTH_X + 1]; /* index: spatial depth */
     saga_adaptive occupancy[3][4][5]; /* indices: split - 1; number of children
                                        * so far; how many of these touch the
                                        * next one */
-    saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1];    /* index: spatial depth */
+    saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1]; /* index: spatial depth */
     saga_adaptive n_prim;
-    saga_set_models set[2];           /* fine, primitive */
+    saga_set_models set[2]; /* fine, primitive */
 } saga_models;
 
 /* The working state of a traversal; the caller owns the memory. The arrays have
  * room for the counts n, which the segment header gives exactly. */
 typedef struct saga_scaffold {
     const saga_model *model;
-    saga_runner net;                 /* its networks */
+    saga_runner net; /* its networks */
     saga_counts n;
-    saga_coarse *coarse;             /* (n.coarse) */
-    int16_t *coarse_feature;         /* (n.coarse, F) */
-    saga_fine *fine;                 /* (n.fine) */
-    int16_t *fine_feature;           /* (n.fine, F) */
-    int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
+    saga_coarse *coarse;       /* (n.coarse) */
+    int16_t *coarse_feature;   /* (n.coarse, F) */
+    saga_fine *fine;           /* (n.fine) */
+    int16_t *fine_feature;     /* (n.fine, F) */
+    int16_t (*prim_offset)[4]; /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_bank bank;              /* n_slots = 0: the tool is off */
+    saga_bank bank; /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
 /* Sets the sizes of a model's bank, but not its arrays. */

@@ -13,8 +13,7 @@
 #include "scaffold.h"
 
 /* NETS: fills block (nets->nbytes, aligned to 16). */
-int saga_syntax_networks(const saga_nets *nets, uint8_t *block,
-                         saga_coder *c);
+int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c);
 
 /* Initialises adaptive models and bank, before the first chunk of a scaffold.
  */

@@ -99,7 +99,7 @@ typedef struct {
     int32_t *bias;
     uint32_t n_in, n_out;
     int int8;
-    formats in, out;         /* formats of its inputs and outputs */
+    formats in, out; /* formats of its inputs and outputs */
 } layer_place;
 
 static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,
@@ -164,9 +164,8 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
 }
 
 /* Codes row at.row. Returns 0 if the row could overflow. */
-static int code_row(layer_place *to, uint8_t *scale,
-                    const layer_fields *f, net_models *m, saga_coder *c,
-                    saga_at at)
+static int code_row(layer_place *to, uint8_t *scale, const layer_fields *f,
+                    net_models *m, saga_coder *c, saga_at at)
 {
     int64_t bias, sum;
     int32_t q;

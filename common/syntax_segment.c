@@ -52,9 +52,8 @@ static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
 }
 
 /* Codes the residuals of a block and sets its values y. */
-static void code_block(int16_t *y, saga_coder *c, saga_at at,
-                       const int16_t *mu, const uint8_t *scale,
-                       uint32_t step_q16, uint32_t n)
+static void code_block(int16_t *y, saga_coder *c, saga_at at, const int16_t *mu,
+                       const uint8_t *scale, uint32_t step_q16, uint32_t n)
 {
     int32_t q[SAGA_MAX_FEATURES];
     uint32_t i;
@@ -66,8 +65,8 @@ static void code_block(int16_t *y, saga_coder *c, saga_at at,
 
 /* Returns the model for halving a run of n points at `bit`. Their suffixes of
  * 4 * bits bits are known above that bit. */
-static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
-                                uint32_t n, uint32_t bit, uint32_t bits)
+static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix, uint32_t n,
+                                uint32_t bit, uint32_t bits)
 {
     const uint32_t later = bits - 1 - bit / 4;
 
@@ -85,7 +84,9 @@ static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
 static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
                      saga_set_models *models, saga_coder *c, saga_at at)
 {
-    struct { uint8_t start, n, bit; } todo[4 * SAGA_MAX_SUFFIX_BITS + 1];
+    struct {
+        uint8_t start, n, bit;
+    } todo[4 * SAGA_MAX_SUFFIX_BITS + 1];
     const uint32_t first = at.index;
     uint32_t depth = 0, i;
 
@@ -105,8 +106,8 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
         at.index = first + start;
         at.bit = (uint8_t)bit;
         /* The first `low` points keep a 0 in this bit; the others get a 1. */
-        low = c->adaptive(c, at, set_model(models, suffix[start], run, bit,
-                                           bits), run + 1);
+        low = c->adaptive(
+            c, at, set_model(models, suffix[start], run, bit, bits), run + 1);
         for (i = start + low; i < start + run; i++)
             suffix[i] |= 1u << bit;
         /* After the last bit nothing is left to halve. */
@@ -128,16 +129,15 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
 
 /* Sets the centre of a suffix cell in Q14 of the parent's half-sizes, which is
  * exact, since bits <= 8. */
-static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
-                          uint32_t bits)
+static void suffix_centre(int16_t offset_q14[4], uint32_t suffix, uint32_t bits)
 {
     uint32_t axis;
 
     for (axis = 0; axis < 4; axis++) {
         const uint32_t v = saga_morton_axis(suffix, bits, axis);
 
-        offset_q14[axis] =
-            (int16_t)((int32_t)((2 * v + 1) << (14 - bits)) - 16384);
+        offset_q14[axis] = (int16_t)((int32_t)((2 * v + 1) << (14 - bits)) -
+                                     16384);
     }
 }
 
@@ -147,7 +147,7 @@ static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
  * has the bits x, y, z (if space splits) and t (if time splits), x first. */
 typedef struct {
     uint16_t cell[3];
-    uint16_t pending;        /* children still to visit */
+    uint16_t pending; /* children still to visit */
     uint8_t cell_t;
     uint8_t depth_x, depth_t;
     uint8_t split;
@@ -519,6 +519,7 @@ int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
 
 int saga_syntax_part(const saga_scaffold *sc, int part, saga_coder *c)
 {
-    return part == 0 ? saga_syntax_coarse(sc, c)
-         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+    return part == 0   ? saga_syntax_coarse(sc, c)
+           : part == 1 ? saga_syntax_fine(sc, c)
+                       : saga_syntax_prim(sc, c);
 }

@@ -10,16 +10,16 @@
 #include <stdint.h>
 
 enum {
-    SAGA_TALLY_EVERY = 1 << 20,  /* units between two calls, plus at most a run
-                                  * of a network */
-    SAGA_TALLY_SYMBOL = 64       /* units of an entropy-coded symbol */
+    SAGA_TALLY_EVERY = 1 << 20, /* units between two calls, plus at most a run
+                                 * of a network */
+    SAGA_TALLY_SYMBOL = 64      /* units of an entropy-coded symbol */
 };
 
 typedef struct saga_tally {
-    int (*stop)(void *user);     /* returns other than 0 to stop; may be NULL */
+    int (*stop)(void *user); /* returns other than 0 to stop; may be NULL */
     void *user;
-    uint32_t done;               /* units since the last call */
-    int stopped;                 /* last result of stop; kept once not 0 */
+    uint32_t done; /* units since the last call */
+    int stopped;   /* last result of stop; kept once not 0 */
 } saga_tally;
 
 /* Adds at most 2^31 units. Returns 1 if the caller wants to stop, now or

@@ -33,8 +33,8 @@ static int32_t width_ratio_q16(int32_t dt, int32_t log2_width_q10)
 
 /* A primitive's place in its own time, Q16. */
 typedef struct {
-    int32_t u;                   /* |dt| in temporal widths, at most 16 */
-    int32_t age;                 /* dt in them, |age| <= 4 */
+    int32_t u;   /* |dt| in temporal widths, at most 16 */
+    int32_t age; /* dt in them, |age| <= 4 */
 } moment;
 
 /* For the age, a width longer than half a segment counts as half a segment,
@@ -75,8 +75,9 @@ static void animate_mean(int32_t x[3], const saga_primitive *p,
             sum[i] = fx_rshift64((sum[i] + to_q20(b[i], q)) * age, 16);
     }
     for (i = 0; i < 3; i++) {
-        const int64_t motion = sum[i] < -LIMIT_MOTION ? -LIMIT_MOTION
-                             : sum[i] > LIMIT_MOTION ? LIMIT_MOTION : sum[i];
+        const int64_t motion = sum[i] < -LIMIT_MOTION  ? -LIMIT_MOTION
+                               : sum[i] > LIMIT_MOTION ? LIMIT_MOTION
+                                                       : sum[i];
 
         x[i] = fx_clamp64(p->x[i] + fx_rshift64(motion * p->support[i], 20),
                           -LIMIT_X, LIMIT_X);

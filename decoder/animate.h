@@ -9,12 +9,12 @@
 #include "primitive.h"
 
 /* Constants of animate.c and of its SIMD version. */
-#define LIMIT_X (1 << 29)      /* positions saturate here */
-#define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
-#define LIMIT_AGE (4 << 16)    /* Q16 */
+#define LIMIT_X (1 << 29)               /* positions saturate here */
+#define LIMIT_U (16 << 16)              /* u of the temporal opacity, Q16 */
+#define LIMIT_AGE (4 << 16)             /* Q16 */
 #define LIMIT_MOTION ((int64_t)1 << 39) /* Q20, supports */
-#define HALF_SEGMENT (15 << 10) /* log2 of it in units of time, Q10 */
-#define LOG2_E_Q20 1512775     /* log2(e) */
+#define HALF_SEGMENT (15 << 10)         /* log2 of it in units of time, Q10 */
+#define LOG2_E_Q20 1512775              /* log2(e) */
 
 /* Computes primitive p at time t, 0..65535, where dt = t - t_centre, |dt| <
  * 2^17, and age = dt / min(width, 1/2 segment), in -4..4:

@@ -10,13 +10,13 @@
 #include "sqrt_up.h"
 
 #define LIMIT_TAME ((int64_t)7 << 28)
-#define LIMIT_W ((int64_t)7 << 27)   /* w^2 >= 12.25 is beyond the cut */
+#define LIMIT_W ((int64_t)7 << 27) /* w^2 >= 12.25 is beyond the cut */
 
 /* The part of a line that a splat may touch: outside [lo, hi), s = s_line + v^2
  * is at or above the patch's reach. */
 typedef struct {
-    int32_t v;                   /* Q28, at lo; exact for lo..hi-1 */
-    int32_t s_line;              /* w^2, Q20 */
+    int32_t v;      /* Q28, at lo; exact for lo..hi-1 */
+    int32_t s_line; /* w^2, Q20 */
     int32_t lo, hi;
 } span;
 
@@ -151,8 +151,9 @@ static int find_span(span *s, const line *l, const saga_patch *p)
     /* The lower end is rounded down, and the upper end is two pixels up; the
      * loop tests each pixel anyway. */
     s->lo = first <= 0 ? 0 : (int32_t)(first * l->recip >> l->shift);
-    s->hi = last >= reach ? p->x1
-          : fx_min((int32_t)(last * l->recip >> l->shift) + 2, p->x1);
+    s->hi = last >= reach
+                ? p->x1
+                : fx_min((int32_t)(last * l->recip >> l->shift) + 2, p->x1);
     s->lo = fx_max(s->lo, p->x0);
     s->v = (int32_t)(l->v + (int64_t)p->g * s->lo);
     return s->lo < s->hi;

@@ -16,18 +16,18 @@
 
 /* The rows of a splat in a tile. v and w: docs/arithmetic.md. */
 typedef struct saga_patch {
-    int64_t v, w;                /* Q28, at the centre of the first row's first
-                                  * pixel; below 2^53 */
-    int32_t g, n, h;             /* Q28: steps of v to the right, of v upwards,
-                                  * of w downwards */
-    int32_t q0;                  /* Q20, below the cut */
-    int32_t reach;               /* Q20: pixels with s at or above it are not
-                                  * touched (sqrt_up.h) */
-    uint32_t tools;              /* with SAGA_TOOL_STEEP q = q0 + s + s^2 / 2,
-                                  * else q0 + s */
-    int32_t x0, x1;              /* the columns [x0, x1) of the tile lie in the
-                                  * splat's box; x0 < x1 */
-    uint32_t n_rows;             /* >= 1, all inside the box */
+    int64_t v, w;    /* Q28, at the centre of the first row's first
+                      * pixel; below 2^53 */
+    int32_t g, n, h; /* Q28: steps of v to the right, of v upwards,
+                      * of w downwards */
+    int32_t q0;      /* Q20, below the cut */
+    int32_t reach;   /* Q20: pixels with s at or above it are not
+                      * touched (sqrt_up.h) */
+    uint32_t tools;  /* with SAGA_TOOL_STEEP q = q0 + s + s^2 / 2,
+                      * else q0 + s */
+    int32_t x0, x1;  /* the columns [x0, x1) of the tile lie in the
+                      * splat's box; x0 < x1 */
+    uint32_t n_rows; /* >= 1, all inside the box */
     uint16_t colour_q15[3];
 } saga_patch;
 

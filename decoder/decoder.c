@@ -15,7 +15,7 @@
 /* --- Head ---------------------------------------------------------------- */
 
 /* Initialises everything except the networks. */
-static void begin(saga_decoder *dec)
+static void clear_state(saga_decoder *dec)
 {
     uint8_t *const v = block_at(dec, dec->plan.vectors_at);
     uint32_t i;
@@ -57,7 +57,7 @@ static int set_watch(saga_decoder *dec, const saga_watch *watch)
 static saga_status read_networks(saga_decoder *dec, const uint8_t *head)
 {
     const size_t at = dec->header.header_nbytes + SAGA_CHUNK_NBYTES +
-        (size_t)dec->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+                      (size_t)dec->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     const saga_plan *const plan = &dec->plan;
     saga_range_dec range;
     saga_chunk chunk;
@@ -92,11 +92,10 @@ void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
     sc->net.params = block_at(dec, p->nets_at);
     sc->n = *n;
     sc->coarse = (saga_coarse *)(void *)block_at(dec, p->coarse_at);
-    sc->coarse_feature =
-        (int16_t *)(void *)block_at(dec, p->coarse_feature_at);
+    sc->coarse_feature = (int16_t *)(void *)block_at(dec, p->coarse_feature_at);
     sc->fine = (saga_fine *)(void *)block_at(dec, p->fine_at);
     sc->fine_feature = (int16_t *)(void *)block_at(dec, p->fine_feature_at);
-    sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
+    sc->prim_offset = (int16_t(*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
     sc->net.cpu = (saga_cpu)dec->cpu;
@@ -108,15 +107,13 @@ void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
 /* Returns the offset of the first layer in a segment. */
 static uint32_t layers_at(const saga_decoder *dec)
 {
-    return SAGA_CHUNK_NBYTES +
-           saga_segment_nbytes(saga_n_layers(&dec->header));
+    return SAGA_CHUNK_NBYTES + saga_segment_nbytes(saga_n_layers(&dec->header));
 }
 
 /* Checks that the counts of all layers fit in the memory, and that several
  * layers fill the segment exactly. */
 static saga_status check_layers(const saga_decoder *dec,
-                                const saga_segment_header *seg,
-                                uint32_t nbytes)
+                                const saga_segment_header *seg, uint32_t nbytes)
 {
     const saga_counts *const max = &dec->header.max;
     const uint32_t n_layers = saga_n_layers(&dec->header);
@@ -168,25 +165,24 @@ static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
                               int part, uint32_t *crc, const uint8_t *bytes,
                               size_t n, size_t *at)
 {
-    const uint32_t type = part == 0 ? SAGA_CHUNK_COARSE
-                        : part == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
+    const uint32_t type = part == 0   ? SAGA_CHUNK_COARSE
+                          : part == 1 ? SAGA_CHUNK_FINE
+                                      : SAGA_CHUNK_PRIM;
     saga_range_dec range;
     saga_chunk chunk;
-    const saga_status s = saga_head_chunk(&chunk, type, dec->owner,
-                                          bytes + *at, n - *at);
+    const saga_status s = saga_head_chunk(&chunk, type, dec->owner, bytes + *at,
+                                          n - *at);
 
     if (s)
         return s;
-    saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES,
-                        chunk.nbytes);
+    saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES, chunk.nbytes);
     range.tally = &dec->tally;
     if (!saga_syntax_part(sc, part, &range.coder) ||
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
     dec->final_range[part] = range.range;
-    dec->segment_digest = saga_crc32c(dec->segment_digest,
-                                      (const uint8_t *)&chunk.crc,
-                                      sizeof chunk.crc);
+    dec->segment_digest = saga_crc32c(
+        dec->segment_digest, (const uint8_t *)&chunk.crc, sizeof chunk.crc);
     *crc = chunk.crc;
     *at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     return SAGA_OK;
@@ -216,8 +212,9 @@ static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
     }
     if (at != n)
         return SAGA_ERR_DATA;
-    saga_reconstruct(&sc, prims_of(dec) + first, colours_of(dec) +
-                     (size_t)first * plan->colour_stride, plan->colour_stride);
+    saga_reconstruct(&sc, prims_of(dec) + first,
+                     colours_of(dec) + (size_t)first * plan->colour_stride,
+                     plan->colour_stride);
     return SAGA_OK;
 }
 
@@ -243,7 +240,7 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     if (s)
         return s;
     /* Networks come before the base, whose symbols are predicted by them. */
-    begin(d);
+    clear_state(d);
     (void)set_watch(d, watch);
     s = read_networks(d, head);
     if (s == SAGA_OK && (d->header.model.tools & SAGA_TOOL_BASE))
@@ -270,8 +267,8 @@ static saga_status read_layers(saga_decoder *dec,
 
         if (l->nbytes > n - at)
             return dec->n_layers > 0 ? SAGA_OK : SAGA_ERR_TRUNCATED;
-        s = read_primitives(dec, &l->n, n_prims(dec), 0, bytes,
-                            at + l->nbytes, at);
+        s = read_primitives(dec, &l->n, n_prims(dec), 0, bytes, at + l->nbytes,
+                            at);
         if (s)
             return s;
         at += l->nbytes;
@@ -283,8 +280,7 @@ static saga_status read_layers(saga_decoder *dec,
 }
 
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
-                        const uint8_t *bytes, size_t n,
-                        const saga_watch *watch)
+                        const uint8_t *bytes, size_t n, const saga_watch *watch)
 {
     saga_segment_header seg;
     saga_status s;
@@ -299,9 +295,8 @@ saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
     s = read_segment_header(&seg, dec, segment, bytes, n);
     (void)set_watch(dec, watch);
     if (s == SAGA_OK) {
-        dec->segment_digest = saga_crc32c(dec->owner,
-                                          (const uint8_t *)&seg.number,
-                                          sizeof seg.number);
+        dec->segment_digest = saga_crc32c(
+            dec->owner, (const uint8_t *)&seg.number, sizeof seg.number);
         s = read_layers(dec, &seg, bytes, n);
     }
     if (set_watch(dec, NULL))
@@ -363,8 +358,8 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
 }
 
 saga_status saga_visible_at(saga_visible *out, uint32_t *n_out,
-                            const saga_decoder *dec, uint32_t first,
-                            uint32_t n, int32_t t)
+                            const saga_decoder *dec, uint32_t first, uint32_t n,
+                            int32_t t)
 {
     uint32_t n_visible = 0, i;
 

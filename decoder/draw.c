@@ -13,8 +13,7 @@
 
 static const saga_splat *splats_of(const saga_decoder *dec)
 {
-    return (const saga_splat *)(const void *)
-        const_at(dec, dec->plan.splats_at);
+    return (const saga_splat *)(const void *)const_at(dec, dec->plan.splats_at);
 }
 
 static const saga_key *keys_of(const saga_decoder *dec)
@@ -36,9 +35,9 @@ static void shade(saga_splat *splats, uint32_t n, const int32_t *from,
 static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
                 const int32_t *middle, saga_seen *seen)
 {
-    const int16_t *const base =
-        (const int16_t *)(const void *)const_at(dec, dec->plan.colours_at) +
-        (size_t)prim * dec->plan.colour_stride;
+    const int16_t *const base = (const int16_t *)(const void *)const_at(
+                                    dec, dec->plan.colours_at) +
+                                (size_t)prim * dec->plan.colour_stride;
     int i;
 
     if (dec->header.model.tools & SAGA_TOOL_VIEW) {
@@ -70,9 +69,10 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
     most = saga_shade_points(&sc);
     for (i = 0; i < n_prims(dec); i += SAGA_RUN) {
         const uint32_t left = n_prims(dec) - i;
-        uint32_t at = i, visible = saga_splats(
-            splats + n, prims_of(dec) + i, left < SAGA_RUN ? left : SAGA_RUN,
-            &look, (saga_cpu)dec->cpu);
+        uint32_t at = i,
+                 visible = saga_splats(splats + n, prims_of(dec) + i,
+                                       left < SAGA_RUN ? left : SAGA_RUN, &look,
+                                       (saga_cpu)dec->cpu);
 
         /* Bit k of `visible` stands for primitive i + k. Its splat is shaded
          * later, together with others: networks run on several points. */
@@ -113,17 +113,16 @@ static void number_view(saga_decoder *dec, int32_t t)
     /* Padding after the last field is not included. */
     dec->view_digest = saga_crc32c(crc, camera,
                                    offsetof(saga_camera, background_q15) +
-                                   sizeof dec->camera.background_q15);
+                                       sizeof dec->camera.background_q15);
     dec->n_views++;
     dec->has_view = 1;
 }
 
 saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
 {
-    saga_splat *const splats =
-        (saga_splat *)(void *)block_at(dec, dec->plan.splats_at);
-    saga_key *const keys =
-        (saga_key *)(void *)block_at(dec, dec->plan.keys_at);
+    saga_splat *const splats = (saga_splat *)(void *)block_at(
+        dec, dec->plan.splats_at);
+    saga_key *const keys = (saga_key *)(void *)block_at(dec, dec->plan.keys_at);
     const saga_status s = saga_camera_check(camera);
     uint32_t n;
 
@@ -138,8 +137,8 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     dec->has_view = 0;
     dec->n_splats = 0;
     n = make_splats(splats, keys, dec, t);
-    saga_depth_sort(keys, (saga_key *)(void *)
-                    block_at(dec, dec->plan.keys_tmp_at), n);
+    saga_depth_sort(
+        keys, (saga_key *)(void *)block_at(dec, dec->plan.keys_tmp_at), n);
     dec->box_pixels = saga_raster_boxes(keys, splats, n, camera);
     if (costs_too_much(dec))
         return SAGA_ERR_LEVEL;
@@ -149,7 +148,8 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
 }
 
 _Static_assert(offsetof(saga_job, cursor) ==
-               24 + sizeof(void *) + sizeof(size_t), "jobs have no padding");
+                   24 + sizeof(void *) + sizeof(size_t),
+               "jobs have no padding");
 
 /* Returns a digest of a job's view and first block. The scratch of a job in
  * progress contains splat numbers of its view, in a layout that its first block
@@ -165,9 +165,9 @@ static uint32_t digest_of(const saga_decoder *dec, const saga_job *job,
 saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget)
 {
-    const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
-                                   dec->n_splats, (saga_cpu)dec->cpu,
-                                   dec->format.tools };
+    const saga_drawing drawing = { &dec->camera,       splats_of(dec),
+                                   keys_of(dec),       dec->n_splats,
+                                   (saga_cpu)dec->cpu, dec->format.tools };
     uint32_t digest;
 
     if (!dec->has_view)

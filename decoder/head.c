@@ -67,8 +67,7 @@ uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes)
 uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes)
 {
     /* The CRC is the last field of the chunk header, before the payload. */
-    return fx_load32_le(bytes + (size_t)saga_head_base(h) - h->nets_nbytes -
-                        4);
+    return fx_load32_le(bytes + (size_t)saga_head_base(h) - h->nets_nbytes - 4);
 }
 
 saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,

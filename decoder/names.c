@@ -9,9 +9,12 @@
 static uint32_t character_nbytes(const char *s)
 {
     const uint8_t first = (uint8_t)s[0];
-    const uint32_t n = first < 0x80 ? 1 : first < 0xc2 ? 0
-                     : first < 0xe0 ? 2 : first < 0xf0 ? 3
-                     : first < 0xf5 ? 4 : 0;
+    const uint32_t n = first < 0x80   ? 1
+                       : first < 0xc2 ? 0
+                       : first < 0xe0 ? 2
+                       : first < 0xf0 ? 3
+                       : first < 0xf5 ? 4
+                                      : 0;
     uint32_t code = first & 0xffu >> (n + 1), i;
 
     for (i = 1; i < n; i++) {
@@ -112,6 +115,7 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
     if (fx_load32_le(bytes) != SAGA_CHUNK_NAMES)
         return SAGA_ERR_ARG;
     s = saga_head_chunk(&c, SAGA_CHUNK_NAMES, networks, bytes, n);
-    return s ? s : read_payload(naming, bytes + SAGA_CHUNK_NBYTES, c.nbytes,
-                                index, info.n_cameras);
+    return s ? s
+             : read_payload(naming, bytes + SAGA_CHUNK_NBYTES, c.nbytes, index,
+                            info.n_cameras);
 }

@@ -85,7 +85,8 @@ static saga_status check_work(saga_plan *p, const saga_header *h)
               saga_plan_base_macs(h, &p->nets, SAGA_RUN_WORK);
     if (p->work > cap->work ||
         saga_n_layers(h) * (h->max.coarse + h->max.fine) + h->base.coarse +
-            h->base.fine > cap->n_anchors)
+                h->base.fine >
+            cap->n_anchors)
         return SAGA_ERR_LEVEL;
     return SAGA_OK;
 }
@@ -116,8 +117,7 @@ static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
     saga_bank bank;
 
     saga_bank_size(&bank, &h->model);
-    p->bank_at = region(&at, bank.n_slots ? 1 : 0,
-                        saga_bank_lay(&bank, NULL));
+    p->bank_at = region(&at, bank.n_slots ? 1 : 0, saga_bank_lay(&bank, NULL));
     p->coarse_at = region(&at, coarse, sizeof(saga_coarse));
     p->coarse_feature_at = region(&at, coarse, feature);
     p->fine_at = region(&at, fine, sizeof(saga_fine));
@@ -176,7 +176,8 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
     if (s)
         return s;
     p->colour_stride = h->model.tools & SAGA_TOOL_VIEW
-        ? h->model.width[SAGA_NET_COLOUR] : 3u;
+                           ? h->model.width[SAGA_NET_COLOUR]
+                           : 3u;
     nbytes = lay_out(p, h, decoder_nbytes);
     if (nbytes > saga_caps[h->level].work_nbytes)
         return SAGA_ERR_LEVEL;
@@ -239,7 +240,8 @@ static uint32_t round_macs(const count *c)
 {
     const saga_model *const m = c->model;
     const uint32_t slot = run_macs(c, SAGA_NET_WRITE) +
-        saga_bank_update_macs(m->bank_width,
+                          saga_bank_update_macs(
+                              m->bank_width,
                               (m->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 
     return run_macs(c, SAGA_NET_WRITE_BASE) + slot * m->bank_slots;
@@ -259,7 +261,7 @@ static uint64_t bank_macs(const count *c, const saga_counts *n)
     const uint32_t anchors[SAGA_N_TIERS] = { n->coarse, n->fine };
     const uint64_t token = run_macs(c, SAGA_NET_AGG), round = round_macs(c);
     uint64_t macs = saga_bank_start_macs(m->bank_slots, m->bank_width) +
-        run_macs(c, SAGA_NET_SLOT) * m->bank_slots;
+                    run_macs(c, SAGA_NET_SLOT) * m->bank_slots;
     int tier;
 
     for (tier = 0; tier < SAGA_N_TIERS; tier++)
@@ -277,11 +279,12 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
     const count c = { nets, m, each };
     const uint64_t coarse = context_macs(&c, SAGA_KIND_COARSE);
     const uint64_t fine = context_macs(&c, SAGA_KIND_FINE) +
-        context_macs(&c, SAGA_KIND_PRIM) + run_macs(&c, SAGA_NET_FUSE_C) +
-        run_macs(&c, SAGA_NET_FINE);
-    uint64_t prim = run_macs(&c, SAGA_NET_FUSE_F) +
-        run_macs(&c, SAGA_NET_GEO) + run_macs(&c, SAGA_NET_COLOUR_BASE) +
-        run_macs(&c, SAGA_NET_RES);
+                          context_macs(&c, SAGA_KIND_PRIM) +
+                          run_macs(&c, SAGA_NET_FUSE_C) +
+                          run_macs(&c, SAGA_NET_FINE);
+    uint64_t prim = run_macs(&c, SAGA_NET_FUSE_F) + run_macs(&c, SAGA_NET_GEO) +
+                    run_macs(&c, SAGA_NET_COLOUR_BASE) +
+                    run_macs(&c, SAGA_NET_RES);
 
     if (!(m->tools & SAGA_TOOL_VIEW))
         prim += run_macs(&c, SAGA_NET_COLOUR);
@@ -301,8 +304,9 @@ uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets,
 uint64_t saga_plan_base_macs(const saga_header *h, const saga_nets *nets,
                              uint32_t each)
 {
-    return h->base.coarse == 0 ? 0
-        : saga_plan_macs(&h->model, nets, &h->base, each);
+    return h->base.coarse == 0
+               ? 0
+               : saga_plan_macs(&h->model, nets, &h->base, each);
 }
 
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)

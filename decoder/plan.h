@@ -17,16 +17,16 @@
 typedef struct saga_plan {
     saga_nets nets;
     uint32_t nets_at, models_at, vectors_at;
-    uint32_t prims_at;       /* saga_primitive (base.prim + max.prim) */
-    uint32_t colours_at;     /* int16_t (the same, colour_stride) */
+    uint32_t prims_at;   /* saga_primitive (base.prim + max.prim) */
+    uint32_t colours_at; /* int16_t (the same, colour_stride) */
     uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;
-    uint32_t offsets_at;     /* int16_t (prim, 4) of one layer or the base */
-    uint32_t bank_at;      /* saga_bank_lay; nothing without the tool */
+    uint32_t offsets_at; /* int16_t (prim, 4) of one layer or the base */
+    uint32_t bank_at;    /* saga_bank_lay; nothing without the tool */
     uint32_t splats_at, keys_at, keys_tmp_at;
-    uint32_t colour_stride;  /* pre-activations, or the colour itself */
+    uint32_t colour_stride; /* pre-activations, or the colour itself */
     uint32_t work_nbytes;
-    uint64_t work;           /* work for the base and a segment, with
-                              * SAGA_RUN_WORK */
+    uint64_t work; /* work for the base and a segment, with
+                    * SAGA_RUN_WORK */
 } saga_plan;
 
 /* Checks the values of a header and computes the layout of the block, which

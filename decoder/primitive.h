@@ -5,23 +5,23 @@
 #ifndef SAGA_PRIMITIVE_H
 #define SAGA_PRIMITIVE_H
 
-#include "saga.h"    /* saga_animated: a primitive at one time */
+#include "saga.h" /* saga_animated: a primitive at one time */
 
 #include <stdint.h>
 
 typedef struct saga_primitive {
-    int32_t x[3];            /* mean at t = t_centre, box units, in the cube */
-    int32_t t_centre;        /* 1/65536 segment, -32768..98303 */
-    int32_t support[3];      /* l_f of the fine anchor, 1..2^23: unit of the
-                              * motion */
-    int16_t quat[4];         /* w, x, y, z; any length, zero included */
-    int16_t slope[4];        /* change of the quaternion per unit of age
-                              * (animate.h) */
-    int16_t motion[9];       /* order 1 x, y, z; order 2; order 3; in support
-                              * per age^order */
+    int32_t x[3];       /* mean at t = t_centre, box units, in the cube */
+    int32_t t_centre;   /* 1/65536 segment, -32768..98303 */
+    int32_t support[3]; /* l_f of the fine anchor, 1..2^23: unit of the
+                         * motion */
+    int16_t quat[4];    /* w, x, y, z; any length, zero included */
+    int16_t slope[4];   /* change of the quaternion per unit of age
+                         * (animate.h) */
+    int16_t motion[9];  /* order 1 x, y, z; order 2; order 3; in support
+                         * per age^order */
     int16_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
-    int16_t opacity;         /* o: the opacity is 8 / (1 + 2^(3 - o)) */
-    int16_t log2_width_q10;  /* temporal width, log2 of 1/65536 segment */
+    int16_t opacity;           /* o: the opacity is 8 / (1 + 2^(3 - o)) */
+    int16_t log2_width_q10;    /* temporal width, log2 of 1/65536 segment */
 } saga_primitive;
 
 _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
@@ -30,12 +30,12 @@ _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
  * tools are on. If a tool is off, its fields are not read. */
 typedef struct saga_prim_format {
     uint8_t q_quat, q_slope, q_opacity; /* 0..20 */
-    uint8_t q_motion[3];     /* per order, 0..20 */
-    uint8_t motion_order;    /* 0..3 */
-    uint8_t has_slope;       /* linear rotation */
-    uint8_t has_width;       /* temporal opacity */
-    uint32_t tools;          /* the file's SAGA_TOOL_*; they select the fall-off
-                              * of splats */
+    uint8_t q_motion[3];                /* per order, 0..20 */
+    uint8_t motion_order;               /* 0..3 */
+    uint8_t has_slope;                  /* linear rotation */
+    uint8_t has_width;                  /* temporal opacity */
+    uint32_t tools; /* the file's SAGA_TOOL_*; they select the fall-off
+                     * of splats */
 } saga_prim_format;
 
 #endif

@@ -16,7 +16,7 @@
 #include "fx_math.h"
 #include "sqrt_up.h"
 
-#define ROW_SUM_MAX 1859828213   /* 1.7321 * 2^30: |row| of a rotation */
+#define ROW_SUM_MAX 1859828213 /* 1.7321 * 2^30: |row| of a rotation */
 #define LIMIT_CENTRE (1 << 29)
 #define LIMIT_PRINCIPAL (1 << 30)
 #define LIMIT_SIDE 16384
@@ -25,16 +25,16 @@
  * scale. */
 typedef struct {
     int32_t x, y, z;
-    int32_t shift;               /* z = depth in box units * 2^(30 - shift) */
+    int32_t shift; /* z = depth in box units * 2^(30 - shift) */
     uint32_t depth;
 } view_point;
 
 /* Results of projecting the centre that the shape needs. */
 typedef struct {
     int32_t mean_q8[2];
-    int64_t slope_q16[2];        /* focal * x/z and y/z, clamped */
+    int64_t slope_q16[2]; /* focal * x/z and y/z, clamped */
     uint32_t depth;
-    uint32_t recip;              /* 1/depth = recip * 2^-recip_shift */
+    uint32_t recip; /* 1/depth = recip * 2^-recip_shift */
     int32_t recip_shift;
 } centre;
 
@@ -81,8 +81,7 @@ saga_status saga_camera_check(const saga_camera *c)
     }
     for (i = 0; i < 2; i++) {
         ok &= c->focal_q16[i] > 0;
-        ok &= in_range(c->principal_q16[i], -LIMIT_PRINCIPAL,
-                       LIMIT_PRINCIPAL);
+        ok &= in_range(c->principal_q16[i], -LIMIT_PRINCIPAL, LIMIT_PRINCIPAL);
     }
     ok &= in_range(c->width, 1, LIMIT_SIDE);
     ok &= in_range(c->height, 1, LIMIT_SIDE);
@@ -130,7 +129,8 @@ static saga_float pair_add(saga_float a, saga_float b)
     if (n > 31)
         return hi;
     return pair(((uint64_t)hi.mant_q30 << 31) +
-                ((uint64_t)lo.mant_q30 << 31 >> n), hi.exp - 61);
+                    ((uint64_t)lo.mant_q30 << 31 >> n),
+                hi.exp - 61);
 }
 
 /* Converts a pair below 4 to Q28, rounded. */
@@ -188,11 +188,11 @@ static int project_axis(centre *o, const saga_camera *c, int axis, int32_t x,
      * linearised shape of something far outside would cover all of it. */
     const int64_t lo = -(int64_t)side * BORDER_Q16 - principal;
     const int64_t hi = (int64_t)side * (65536 + BORDER_Q16) - principal;
-    const int32_t ratio_q28 = fx_clamp64(
-        fx_rshift64((int64_t)x * o->recip, n), -INT32_MAX, INT32_MAX);
+    const int32_t ratio_q28 = fx_clamp64(fx_rshift64((int64_t)x * o->recip, n),
+                                         -INT32_MAX, INT32_MAX);
     const int64_t focal_q44 = (int64_t)c->focal_q16[axis] * ratio_q28;
-    const int64_t mean = fx_rshift64(
-        focal_q44 + principal * ((int64_t)1 << 28), 36);
+    const int64_t mean = fx_rshift64(focal_q44 + principal * ((int64_t)1 << 28),
+                                     36);
     const int64_t slope = fx_rshift64(focal_q44, 28);
 
     if (abs64(mean - side * 128) > LIMIT_MEAN)
@@ -230,8 +230,7 @@ static void normalise_quat(int64_t *q, const int32_t *quat)
         bits |= (uint64_t)abs64(quat[i]);
     n = 30 - n_bits(bits);
     for (i = 0; i < 4; i++)
-        q[i] = n >= 0 ? quat[i] * ((int64_t)1 << n)
-                      : fx_rshift64(quat[i], -n);
+        q[i] = n >= 0 ? quat[i] * ((int64_t)1 << n) : fx_rshift64(quat[i], -n);
     if (bits == 0)
         q[0] = 1 << 29;
 }
@@ -301,7 +300,8 @@ static void turn_rows(int32_t p[2][3], const int32_t *u, const int32_t *r)
         for (k = 0; k < 3; k++)
             p[i][k] = (int32_t)fx_rshift64(
                 (int64_t)u[3 * i] * r[k] + (int64_t)u[3 * i + 1] * r[3 + k] +
-                (int64_t)u[3 * i + 2] * r[6 + k], 30);
+                    (int64_t)u[3 * i + 2] * r[6 + k],
+                30);
 }
 
 /* Returns the mantissa of scale / (depth |q|^2), at least 2^28. Two products
@@ -448,8 +448,7 @@ static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
     if (g == 0 || h == 0)
         return LIMIT_EXTENT;
     /* Adding 1 for the bits that are shifted out makes this an upper bound. */
-    root = j > 0 ? (int64_t)(square >> 2 * j) + 1
-                 : (int64_t)(square << -2 * j);
+    root = j > 0 ? (int64_t)(square >> 2 * j) + 1 : (int64_t)(square << -2 * j);
     e = l_q12 * (int64_t)sqrt_up_q20_q12((int32_t)root);
     e *= saga_recip16((uint32_t)g, &sg) + 2;
     e *= saga_recip16((uint32_t)h, &sh) + 2;

@@ -34,8 +34,7 @@ static void renormalise(saga_range_dec *d)
 
 /* Reduces the range to the interval [start, end) of 2^15. The last symbol (end
  * = 2^15) gets the remainder of the range. r = range >> 15. */
-static void narrow(saga_range_dec *d, uint32_t r, uint32_t start,
-                   uint32_t end)
+static void narrow(saga_range_dec *d, uint32_t r, uint32_t start, uint32_t end)
 {
     d->code -= r * start;
     d->range = end == SAGA_PROB_TOTAL ? d->range - r * start

@@ -13,13 +13,13 @@
 #include <stdint.h>
 
 typedef struct saga_range_dec {
-    saga_coder coder;        /* first: its functions cast back */
+    saga_coder coder; /* first: its functions cast back */
     const uint8_t *p;
-    size_t n;                /* bytes of the chunk */
-    size_t pos;              /* bytes read; n + 3 at the end, zeros past n */
+    size_t n;   /* bytes of the chunk */
+    size_t pos; /* bytes read; n + 3 at the end, zeros past n */
     uint32_t range, code;
-    saga_tally *tally;       /* counts the symbols; may be NULL. If it stops,
-                              * that is an error of the coder */
+    saga_tally *tally; /* counts the symbols; may be NULL. If it stops,
+                        * that is an error of the coder */
 } saga_range_dec;
 
 /* Starts decoding p[0..n), which must stay valid until the chunk is decoded. */

@@ -35,10 +35,10 @@
 #include "raster_state.h"
 #include "sqrt_up.h"
 
-#define AHEAD 4                      /* prefetch the splat that comes this
-                                      * number of splats later */
-#define CHECK_EVERY 32               /* splats between tests whether a tile is
-                                      * finished */
+/* Prefetch the splat that comes this number of splats later. */
+#define AHEAD 4
+/* Splats between tests whether a tile is finished. */
+#define CHECK_EVERY 32
 
 /* --- Tiles --------------------------------------------------------------- */
 
@@ -65,8 +65,8 @@ static uint32_t *tile_pixels(const raster *r, uint32_t tx, uint32_t ty)
 {
     if (r->s->is_first && is_last_list(r))
         return r->pixels;
-    return r->pixels + ((size_t)(ty * r->nx + tx) << 2 * r->log2_side) *
-                       N_PLANES;
+    return r->pixels +
+           ((size_t)(ty * r->nx + tx) << 2 * r->log2_side) * N_PLANES;
 }
 
 /* Moves to the next tile of the band, row by row. After the last tile returns 0
@@ -351,7 +351,7 @@ static uint32_t count_tiles(size_t n_bytes, uint32_t log2_side, uint32_t all)
 
 /* Sets the largest band: a part of a row of tiles, or as many whole rows as
  * fit. */
-static void begin(raster *r, uint32_t n_tiles)
+static void choose_band(raster *r, uint32_t n_tiles)
 {
     raster_state *const s = r->s;
 
@@ -381,8 +381,7 @@ static size_t tile_nbytes(const saga_job *job)
 static int is_inside(const saga_job *job, const saga_camera *cam)
 {
     return job->x0 >= 0 && job->y0 >= 0 && job->x0 < job->x1 &&
-           job->y0 < job->y1 && job->x1 <= cam->width &&
-           job->y1 <= cam->height;
+           job->y0 < job->y1 && job->x1 <= cam->width && job->y1 <= cam->height;
 }
 
 static uint32_t pixel_nbytes(int bits)
@@ -399,8 +398,7 @@ static uint32_t alignment(int bits)
 /* Checks the destination, including that rows do not overlap. The width is
  * below 2^14.1 and the height at most 2^14, so that a stride of 2^48 exceeds
  * any capacity. */
-static saga_status check_picture(const saga_picture *pic,
-                                 const saga_job *job)
+static saga_status check_picture(const saga_picture *pic, const saga_job *job)
 {
     const uint32_t width = (uint32_t)(job->x1 - job->x0);
     const uint32_t height = (uint32_t)(job->y1 - job->y0);
@@ -440,20 +438,21 @@ static void open_job(raster *r, saga_job *job)
     r->rows = ((uint32_t)(job->y1 - job->y0) + r->side - 1) >> r->log2_side;
     r->box_shift = saga_raster_box_shift(r->cam);
     r->tiles_are_units = r->box_shift <= r->log2_side &&
-        !((uint32_t)(job->x0 | job->y0) & ((1u << r->box_shift) - 1));
+                         !((uint32_t)(job->x0 | job->y0) &
+                           ((1u << r->box_shift) - 1));
     r->s = job->scratch;
     r->pixels = (uint32_t *)job->scratch + STATE_NBYTES / 4;
     /* The first call writes the whole state, since the scratch has arbitrary
      * bytes. */
     if (job->cursor[0] == CURSOR_NEW)
-        begin(r, count_tiles(tile_nbytes(job), r->log2_side,
-                             r->cols * r->rows));
+        choose_band(
+            r, count_tiles(tile_nbytes(job), r->log2_side, r->cols * r->rows));
     job->cursor[0] = CURSOR_BEGUN;
     lay_out_band(r);
 }
 
 /* Works on the job. Returns 1 if it is finished, 0 if the budget is used up. */
-static int work(raster *r)
+static int draw_until_pause(raster *r)
 {
     while (r->budget > 0) {
         if (r->s->step == STEP_OPEN)
@@ -489,7 +488,7 @@ saga_status saga_raster(saga_job *job, const saga_picture *pic,
     r.tools = drawing->tools;
     r.budget = budget;
     open_job(&r, job);
-    if (!work(&r))
+    if (!draw_until_pause(&r))
         return SAGA_AGAIN;
     job->cursor[0] = CURSOR_FINISHED;
     return SAGA_OK;

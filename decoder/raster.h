@@ -12,13 +12,13 @@
 
 /* The parts of a view that drawing needs. */
 typedef struct saga_drawing {
-    const saga_camera *cam;      /* size and background */
+    const saga_camera *cam; /* size and background */
     const saga_splat *splats;
-    const saga_key *order;       /* (n) from saga_raster_boxes:
-                                  * splats[order[i].index] is drawn i-th */
+    const saga_key *order; /* (n) from saga_raster_boxes:
+                            * splats[order[i].index] is drawn i-th */
     uint32_t n;
-    saga_cpu cpu;                /* SIMD to use, which this machine has */
-    uint32_t tools;              /* the file's SAGA_TOOL_* */
+    saga_cpu cpu;   /* SIMD to use, which this machine has */
+    uint32_t tools; /* the file's SAGA_TOOL_* */
 } saga_drawing;
 
 /* Prepares keys, sorted by (depth, index), for saga_raster: replaces the depth

@@ -40,16 +40,15 @@ uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
     for (i = 0; i < n; i++) {
         const saga_splat *const s = splats + order[i].index;
 
-        order[i].depth = pack((uint32_t)s->x0 >> shift,
-                              (uint32_t)(s->x1 - 1) >> shift,
-                              (uint32_t)s->y0 >> shift,
-                              (uint32_t)(s->y1 - 1) >> shift);
+        order[i].depth = pack(
+            (uint32_t)s->x0 >> shift, (uint32_t)(s->x1 - 1) >> shift,
+            (uint32_t)s->y0 >> shift, (uint32_t)(s->y1 - 1) >> shift);
         pixels += (uint32_t)((s->x1 - s->x0) * (s->y1 - s->y0));
     }
     return pixels;
 }
 
-#define GUARDS 0x80808080u       /* no byte borrows from the next */
+#define GUARDS 0x80808080u /* no byte borrows from the next */
 
 /* Returns the limit, byte by byte, of the keys of splats that may touch these
  * tiles of the band. */

@@ -8,39 +8,45 @@
 
 #include "raster.h"
 
-#define CLOSED 0xffffffffu           /* n of a finished tile's queue */
+#define CLOSED 0xffffffffu /* n of a finished tile's queue */
 enum { STATE_NBYTES = 256, N_PLANES = 4 };
 enum { CURSOR_NEW, CURSOR_BEGUN, CURSOR_FINISHED };
 enum {
-    STEP_OPEN, STEP_KEEP, STEP_COUNT, STEP_SUM, STEP_LIST, STEP_CLEAR,
-    STEP_BLEND, STEP_WRITE
+    STEP_OPEN,
+    STEP_KEEP,
+    STEP_COUNT,
+    STEP_SUM,
+    STEP_LIST,
+    STEP_CLEAR,
+    STEP_BLEND,
+    STEP_WRITE
 };
 
 /* The progress of a pass that counts or lists the band's keys. */
 typedef struct {
-    uint32_t key;                   /* next key: a kept key, or n_kept + i for
-                                     * the i-th key after n_passed */
-    uint32_t is_begun;              /* 1: tiles before (x, y) are done for it */
-    uint32_t x, y;                  /* its next tile */
+    uint32_t key;      /* next key: a kept key, or n_kept + i for
+                        * the i-th key after n_passed */
+    uint32_t is_begun; /* 1: tiles before (x, y) are done for it */
+    uint32_t x, y;     /* its next tile */
 } raster_progress;
 
 /* The progress of a job. col and row count tiles from the corner of the job, tx
  * and ty from the corner of the band. */
 typedef struct {
     uint32_t step;
-    uint32_t band_cols, band_rows;  /* largest band, in tiles */
-    uint32_t col, row;              /* first tile of this band */
-    uint32_t tx, ty;                /* current tile */
-    uint32_t line;                  /* next line of the tile, or in STEP_BLEND
-                                     * of the splat in the tile */
-    uint32_t n_passed;              /* number of keys, from the front of the
-                                     * order, that were tested for this row of
-                                     * tiles */
-    uint32_t n_kept;                /* number of these that touch the row */
+    uint32_t band_cols, band_rows; /* largest band, in tiles */
+    uint32_t col, row;             /* first tile of this band */
+    uint32_t tx, ty;               /* current tile */
+    uint32_t line;                 /* next line of the tile, or in STEP_BLEND
+                                    * of the splat in the tile */
+    uint32_t n_passed;             /* number of keys, from the front of the
+                                    * order, that were tested for this row of
+                                    * tiles */
+    uint32_t n_kept;               /* number of these that touch the row */
     raster_progress counted, listed;
-    uint32_t is_first;              /* 1: this is the first list of the band */
-    uint32_t n_counted, n_listed;   /* entries of this list */
-    uint32_t count;                 /* splats blended in this tile */
+    uint32_t is_first;            /* 1: this is the first list of the band */
+    uint32_t n_counted, n_listed; /* entries of this list */
+    uint32_t count;               /* splats blended in this tile */
 } raster_state;
 
 _Static_assert(sizeof(raster_state) <= STATE_NBYTES, "SAGA_JOB_NBYTES");
@@ -63,20 +69,20 @@ typedef struct {
     const saga_key *order;
     uint32_t n;
     uint32_t budget;
-    uint32_t side, log2_side;       /* size of a tile, pixels */
-    uint32_t box_shift;             /* shift of the keys' boxes */
-    int tiles_are_units;            /* 1: a tile is a whole number of units */
-    uint32_t cols, rows;            /* size of the job, tiles */
-    uint32_t nx, ny;                /* size of this band, tiles */
+    uint32_t side, log2_side; /* size of a tile, pixels */
+    uint32_t box_shift;       /* shift of the keys' boxes */
+    int tiles_are_units;      /* 1: a tile is a whole number of units */
+    uint32_t cols, rows;      /* size of the job, tiles */
+    uint32_t nx, ny;          /* size of this band, tiles */
     raster_state *s;
-    uint32_t *pixels;               /* planes of the band's first tile */
+    uint32_t *pixels; /* planes of the band's first tile */
     raster_queue *queues;
     uint32_t *list;
-    uint32_t capacity;              /* entries of the list */
+    uint32_t capacity; /* entries of the list */
     saga_key *kept;
     uint32_t kept_capacity;
     saga_cpu cpu;
-    uint32_t tools;                 /* the drawing's */
+    uint32_t tools; /* the drawing's */
 } raster;
 
 static inline raster_queue *tile_queue(const raster *r, uint32_t tx,

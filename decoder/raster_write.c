@@ -83,8 +83,7 @@ static void write_depths(const raster *r, saga_depth *p, const uint32_t *t,
     }
 }
 
-void saga_raster_write(const raster *r, const uint32_t *t, int32_t x,
-                       int32_t y)
+void saga_raster_write(const raster *r, const uint32_t *t, int32_t x, int32_t y)
 {
     const int32_t width = fx_min((int32_t)r->side, r->job->x1 - x);
     /* The caller's picture begins at the corner of the job. */

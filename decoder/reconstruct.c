@@ -51,9 +51,8 @@ static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 
 /* Sets the fields of a primitive from the rows of F_geo. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
-                         const saga_rows rows[SAGA_N_OUTS],
-                         const int16_t *out, const saga_position *position,
-                         const saga_coarse *cell)
+                         const saga_rows rows[SAGA_N_OUTS], const int16_t *out,
+                         const saga_position *position, const saga_coarse *cell)
 {
     const uint8_t *const q = m->out_q;
     int i;
@@ -79,9 +78,9 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
                                   q[SAGA_OUT_TIME]);
     p->log2_width_q10 = 0;
     if (rows[SAGA_OUT_WIDTH].n)
-        p->log2_width_q10 = log2_size_q10(
-            out[rows[SAGA_OUT_WIDTH].first], q[SAGA_OUT_WIDTH],
-            SAGA_LOG2_HALF_T - cell->depth_t);
+        p->log2_width_q10 = log2_size_q10(out[rows[SAGA_OUT_WIDTH].first],
+                                          q[SAGA_OUT_WIDTH],
+                                          SAGA_LOG2_HALF_T - cell->depth_t);
 }
 
 /* Returns clamp(1/2 + out, 0, 1) in Q15. */
@@ -110,8 +109,7 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
     int i;
 
     for (i = 0; i < 3; i++)
-        colour_q15[i] = colour_of(out[i],
-                                  sc->model->out_q[SAGA_OUT_COLOUR]);
+        colour_q15[i] = colour_of(out[i], sc->model->out_q[SAGA_OUT_COLOUR]);
 }
 
 /* D_res corrects at most the 23 rows of F_geo and 32 of the colour. */
@@ -120,10 +118,10 @@ enum { MAX_CORRECTIONS = 23 + 32 };
 /* Primitives that pass through the networks together. */
 typedef struct {
     uint32_t first, n;
-    uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
+    uint32_t fine[SAGA_MAX_POINTS]; /* their anchors */
     saga_position position[SAGA_MAX_POINTS];
     int16_t correction[SAGA_MAX_POINTS][MAX_CORRECTIONS]; /* outputs of D_res,
-                                          * if it exists */
+                                                           * if it exists */
 } run;
 
 /* Runs D_res on the entries of each primitive. */
@@ -190,8 +188,8 @@ static void set_colours(int16_t *colours, uint32_t stride,
     /* If colours depend on the view, store their pre-activations. */
     if (sc->model->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < r->n; i++) {
-            const int16_t *const out = saga_out_point(
-                &sc->net, SAGA_NET_COLOUR_BASE, i);
+            const int16_t *const out = saga_out_point(&sc->net,
+                                                      SAGA_NET_COLOUR_BASE, i);
 
             for (k = 0; k < width; k++)
                 colours[i * stride + k] = out[k];
@@ -253,14 +251,14 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
 {
     const uint32_t most = saga_net_points(
         sc->net.nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
-                  1u << SAGA_NET_COLOUR);
+                          1u << SAGA_NET_COLOUR);
     saga_rows rows[SAGA_N_OUTS];
     uint32_t fine = 0;
     run r;
 
     saga_model_rows(rows, sc->model);
-    for (r.first = 0; r.first < sc->n.prim &&
-                      !saga_tally_add(sc->net.tally, 0); r.first += r.n) {
+    for (r.first = 0; r.first < sc->n.prim && !saga_tally_add(sc->net.tally, 0);
+         r.first += r.n) {
         r.n = 0;
         /* Collect as many points as both networks accept. */
         while (r.n < most && r.first + r.n < sc->n.prim)
@@ -314,14 +312,13 @@ static void direction_q14(int16_t d[3], const int32_t x[3],
     n2.exp = 63 - zeros;
     n2 = saga_rsqrt(n2);
     for (i = 0; i < 3; i++)
-        d[i] = (int16_t)fx_rshift64((int64_t)v[i] * n2.mant_q30,
-                                    16 - n2.exp);
+        d[i] = (int16_t)fx_rshift64((int64_t)v[i] * n2.mant_q30, 16 - n2.exp);
 }
 
 uint32_t saga_shade_points(const saga_scaffold *sc)
 {
-    return saga_net_points(sc->net.nets, 1u << SAGA_NET_COLOUR_VIEW |
-                                         1u << SAGA_NET_COLOUR);
+    return saga_net_points(sc->net.nets,
+                           1u << SAGA_NET_COLOUR_VIEW | 1u << SAGA_NET_COLOUR);
 }
 
 static void add_saturated(int16_t *restrict sum, const int16_t *restrict a,
@@ -354,8 +351,7 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
         add_saturated(sc->net.v->in +
                           saga_in_point(&sc->net, SAGA_NET_COLOUR, i),
                       seen->base[i],
-                      saga_out_point(&sc->net, SAGA_NET_COLOUR_VIEW, i),
-                      width);
+                      saga_out_point(&sc->net, SAGA_NET_COLOUR_VIEW, i), width);
     finish_colours(sc, seen->n);
     for (i = 0; i < seen->n; i++)
         get_colour(splats[i].colour_q15, sc, i);

@@ -48,67 +48,67 @@ extern "C" {
 
 typedef enum saga_status {
     SAGA_OK = 0,
-    SAGA_AGAIN = 1,          /* not finished: call again with the same job */
-    SAGA_ERR_ARG = -1,       /* an argument is out of its range */
-    SAGA_ERR_SPACE = -2,     /* a buffer is too small */
-    SAGA_ERR_ALIGN = -3,     /* a buffer is misaligned */
-    SAGA_ERR_DATA = -10,     /* the bytes are not a valid stream */
-    SAGA_ERR_TRUNCATED = -11,/* more bytes are needed */
-    SAGA_ERR_VERSION = -12,  /* the file needs a newer decoder */
-    SAGA_ERR_LEVEL = -13,    /* the file exceeds its level, or this build's */
-    SAGA_ERR_STATE = -20,    /* there is no segment or no view, or the job began
-                              * with another view or first block */
-    SAGA_ERR_STOPPED = -21   /* the caller's watch stopped it */
+    SAGA_AGAIN = 1,           /* not finished: call again with the same job */
+    SAGA_ERR_ARG = -1,        /* an argument is out of its range */
+    SAGA_ERR_SPACE = -2,      /* a buffer is too small */
+    SAGA_ERR_ALIGN = -3,      /* a buffer is misaligned */
+    SAGA_ERR_DATA = -10,      /* the bytes are not a valid stream */
+    SAGA_ERR_TRUNCATED = -11, /* more bytes are needed */
+    SAGA_ERR_VERSION = -12,   /* the file needs a newer decoder */
+    SAGA_ERR_LEVEL = -13,     /* the file exceeds its level, or this build's */
+    SAGA_ERR_STATE = -20,  /* there is no segment or no view, or the job began
+                            * with another view or first block */
+    SAGA_ERR_STOPPED = -21 /* the caller's watch stopped it */
 } saga_status;
 
 /* A pinhole camera with x right, y down, z forward. All fields are integers,
  * because the bits of every picture depend on them; the caller rounds, and
  * files store rounded cameras. */
 typedef struct saga_camera {
-    int32_t rotation_q30[9]; /* rows: camera axes in box axes; for each row
-                              * sum |r| <= 1.7321 * 2^30 */
-    int32_t centre[3];       /* box units, |c| <= 2^29 */
-    int32_t focal_q16[2];    /* pixels, > 0 */
-    int32_t principal_q16[2];/* pixels; (0, 0) is the corner of the picture,
-                              * |p| <= 2^30 */
-    int32_t near_plane;      /* box units, >= 1 */
-    uint16_t width, height;  /* pixels, 1..16384 */
+    int32_t rotation_q30[9];    /* rows: camera axes in box axes; for each row
+                                 * sum |r| <= 1.7321 * 2^30 */
+    int32_t centre[3];          /* box units, |c| <= 2^29 */
+    int32_t focal_q16[2];       /* pixels, > 0 */
+    int32_t principal_q16[2];   /* pixels; (0, 0) is the corner of the picture,
+                                 * |p| <= 2^30 */
+    int32_t near_plane;         /* box units, >= 1 */
+    uint16_t width, height;     /* pixels, 1..16384 */
     uint16_t background_q15[3]; /* R, G, B, 0..32768 */
 } saga_camera;
 
 /* A primitive at one time in one camera (norm: docs/arithmetic.md). */
 typedef struct saga_splat {
-    int32_t mean_q8[2];      /* pixels */
-    int32_t chol_q28[3];     /* g, n, h: factor of the conic in log2 units; bit
-                              * 6 of the tools selects the fall-off */
-    int32_t q0_q20;          /* 3 - log2 of the peak opacity, [0, 11) */
-    uint32_t depth;          /* z in box units, >= 1 */
-    uint16_t colour_q15[3];  /* R, G, B, 0..32768 */
-    int16_t x0, y0, x1, y1;  /* pixels touched lie in [x0, x1) x [y0, y1) */
+    int32_t mean_q8[2];     /* pixels */
+    int32_t chol_q28[3];    /* g, n, h: factor of the conic in log2 units; bit
+                             * 6 of the tools selects the fall-off */
+    int32_t q0_q20;         /* 3 - log2 of the peak opacity, [0, 11) */
+    uint32_t depth;         /* z in box units, >= 1 */
+    uint16_t colour_q15[3]; /* R, G, B, 0..32768 */
+    int16_t x0, y0, x1, y1; /* pixels touched lie in [x0, x1) x [y0, y1) */
 } saga_splat;
 
 /* The destination of a picture: rows of R, G, B samples of 8 or 16 bits, or
  * rows of saga_depth. */
 typedef struct saga_picture {
-    void *rgb;               /* first sample of the job's pixel (x0, y0);
-                              * uint8_t, uint16_t (aligned to 2) or saga_depth
-                              * (aligned to 8) */
-    size_t stride_nbytes;    /* distance of rows; a multiple of 2 for 16 bits,
-                              * of 8 for SAGA_DEPTH */
-    size_t nbytes;           /* capacity from rgb on */
-    int bits;                /* 8, 16 or SAGA_DEPTH */
+    void *rgb;            /* first sample of the job's pixel (x0, y0);
+                           * uint8_t, uint16_t (aligned to 2) or saga_depth
+                           * (aligned to 8) */
+    size_t stride_nbytes; /* distance of rows; a multiple of 2 for 16 bits,
+                           * of 8 for SAGA_DEPTH */
+    size_t nbytes;        /* capacity from rgb on */
+    int bits;             /* 8, 16 or SAGA_DEPTH */
 } saga_picture;
 
-enum { SAGA_DEPTH = 64 };    /* the value of `bits` for saga_depth samples */
+enum { SAGA_DEPTH = 64 }; /* the value of `bits` for saga_depth samples */
 
 /* The depth and the opacity of a pixel. Each splat at the pixel has a blending
  * weight w and a mean at depth z along the camera's axis. The expected depth is
  * sum_q16 / weight_q16. The background does not contribute. */
 typedef struct saga_depth {
-    uint64_t sum_q16;        /* sum of w z, z in box units, >= 1; below 2^48 */
-    uint32_t weight_q16;     /* sum of w, which is alpha, 0..65536; 0 if there
-                              * is no splat */
-    uint32_t reserved;       /* written as 0 */
+    uint64_t sum_q16;    /* sum of w z, z in box units, >= 1; below 2^48 */
+    uint32_t weight_q16; /* sum of w, which is alpha, 0..65536; 0 if there
+                          * is no splat */
+    uint32_t reserved;   /* written as 0 */
 } saga_depth;
 
 /* A rectangle of the picture that one thread draws, and its progress.
@@ -118,24 +118,23 @@ typedef struct saga_depth {
  * refuses it; to begin anew, zero the second block. The caller must not change
  * the bytes of the scratch before the job ends. */
 typedef struct saga_job {
-    int32_t x0, y0, x1, y1;  /* inside the camera's picture, not empty */
-    int32_t tile;            /* side of a tile in pixels: 8, 16, 32 or 64; has
-                              * no effect on the pixels */
-    uint32_t list_capacity;  /* entries of the splat list, >= 1; no effect on
-                              * the pixels */
-    void *scratch;           /* aligned to 4, of at least
-                              * SAGA_JOB_NBYTES(tile, list_capacity) bytes */
-    size_t scratch_nbytes;   /* with more bytes, several tiles share one pass
-                              * over the splats */
+    int32_t x0, y0, x1, y1; /* inside the camera's picture, not empty */
+    int32_t tile;           /* side of a tile in pixels: 8, 16, 32 or 64; has
+                             * no effect on the pixels */
+    uint32_t list_capacity; /* entries of the splat list, >= 1; no effect on
+                             * the pixels */
+    void *scratch;          /* aligned to 4, of at least
+                             * SAGA_JOB_NBYTES(tile, list_capacity) bytes */
+    size_t scratch_nbytes;  /* with more bytes, several tiles share one pass
+                             * over the splats */
 
-    uint32_t cursor[4];      /* internal: progress, and a check of the first
-                              * block; zero at the start */
+    uint32_t cursor[4]; /* internal: progress, and a check of the first
+                         * block; zero at the start */
 } saga_job;
 
 /* Number of bytes of scratch that the smallest band, a single tile, needs. */
 #define SAGA_JOB_NBYTES(tile, list_capacity) \
-    ((size_t)(tile) * (size_t)(tile) * 16u + (size_t)(list_capacity) * 8u + \
-     264u)
+    ((size_t)(tile) * (size_t)(tile)*16u + (size_t)(list_capacity)*8u + 264u)
 
 /* --- Files ----------------------------------------------------------------
  *
@@ -155,9 +154,11 @@ typedef struct saga_job {
 enum { SAGA_WORK_ALIGN = 16 };
 
 /* Largest work_nbytes of a level 0..3, for static arrays. */
-#define SAGA_WORK_MAX(level) \
-    ((level) == 0 ? 256ul << 10 : (level) == 1 ? 4ul << 20 : \
-     (level) == 2 ? 32ul << 20 : 1ul << 30)
+#define SAGA_WORK_MAX(level)      \
+    ((level) == 0   ? 256ul << 10 \
+     : (level) == 1 ? 4ul << 20   \
+     : (level) == 2 ? 32ul << 20  \
+                    : 1ul << 30)
 
 /* Largest ratio, by level, of the pixels in the boxes of a view's splats to the
  * pixels of the picture; a picture with fewer than 65,536 pixels counts as
@@ -167,33 +168,33 @@ enum { SAGA_WORK_ALIGN = 16 };
 
 typedef struct saga_info {
     uint32_t version, level;
-    size_t work_nbytes;      /* exact size of the block that saga_open needs */
-    size_t head_nbytes;      /* size of the head: header, index, networks,
-                              * base */
+    size_t work_nbytes; /* exact size of the block that saga_open needs */
+    size_t head_nbytes; /* size of the head: header, index, networks,
+                         * base */
     uint32_t n_segments, n_frames;
-    uint32_t fps_num, fps_den; /* frames per second */
-    uint32_t n_cameras;      /* cameras of the rig */
-    uint32_t n_layers;       /* layers of each segment, 1..8 */
+    uint32_t fps_num, fps_den;     /* frames per second */
+    uint32_t n_cameras;            /* cameras of the rig */
+    uint32_t n_layers;             /* layers of each segment, 1..8 */
     uint32_t max_coarse, max_fine; /* largest counts of any layer */
-    uint32_t max_primitives; /* largest count of any segment, all layers
-                              * together */
+    uint32_t max_primitives;       /* largest count of any segment, all layers
+                                    * together */
     uint32_t base_coarse, base_fine, base_primitives; /* counts of the base; 0
                                                        * without one */
-    uint32_t base_nbytes;    /* coded size of the base, part of head_nbytes */
-    uint32_t n_weights;      /* weights of all networks */
-    uint32_t nets_nbytes;    /* coded size of the networks */
-    uint32_t tools;          /* tools of the header, docs/bitstream.md */
-    uint32_t motion_order;   /* 0..3 */
+    uint32_t base_nbytes;  /* coded size of the base, part of head_nbytes */
+    uint32_t n_weights;    /* weights of all networks */
+    uint32_t nets_nbytes;  /* coded size of the networks */
+    uint32_t tools;        /* tools of the header, docs/bitstream.md */
+    uint32_t motion_order; /* 0..3 */
     uint32_t features;
-    uint64_t decode_macs;    /* multiply-accumulates of networks and bank for a
-                              * segment with the maximal counts; with a bank or
-                              * layers an upper bound */
-    uint64_t base_macs;      /* the same for the base, in saga_open */
-    uint64_t work;           /* the number that the level limits: both of these,
-                              * plus 4,096 for each run of a network on a point
-                              */
-    uint32_t view_macs;      /* multiply-accumulates for each visible primitive
-                              * of a view */
+    uint64_t decode_macs; /* multiply-accumulates of networks and bank for a
+                           * segment with the maximal counts; with a bank or
+                           * layers an upper bound */
+    uint64_t base_macs;   /* the same for the base, in saga_open */
+    uint64_t work;        /* the number that the level limits: both of these,
+                           * plus 4,096 for each run of a network on a point
+                           */
+    uint32_t view_macs;   /* multiply-accumulates for each visible primitive
+                           * of a view */
     /* world = centre + box units * unit, in the capture's unit of length. If
      * saga_naming has the scale, metres = world * metre. Each of these values
      * is mantissa * 2^exponent */
@@ -230,11 +231,11 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
                       const uint8_t *head, size_t n, const saga_watch *watch);
 
 typedef struct saga_segment {
-    uint32_t number;         /* 0.. */
+    uint32_t number; /* 0.. */
     uint32_t first_frame, n_frames;
-    uint64_t offset;         /* place of its bytes in the file */
+    uint64_t offset; /* place of its bytes in the file */
     uint32_t nbytes;
-    int32_t t;               /* the wanted time within the segment, 0..65535 */
+    int32_t t; /* the wanted time within the segment, 0..65535 */
 } saga_segment;
 
 /* Finds the segment that contains time frame_num / frame_den, counted in frames
@@ -248,17 +249,17 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
 /* Gets camera `index` of the rig, 0..info.n_cameras-1, and its number in the
  * capture. head[0..n): the start of the file, at least its header.
  * Returns SAGA_OK; ARG; else as saga_probe. */
-saga_status saga_rig(saga_camera *camera, uint32_t *number,
-                     const uint8_t *head, size_t n, uint32_t index);
+saga_status saga_rig(saga_camera *camera, uint32_t *number, const uint8_t *head,
+                     size_t n, uint32_t index);
 
 enum { SAGA_MAX_NAME = 63 }; /* bytes, without the 0 at the end */
 
 typedef struct saga_naming {
     char name[SAGA_MAX_NAME + 1]; /* valid UTF-8 without control characters,
-                              * with a 0 at its end; may be empty */
+                                   * with a 0 at its end; may be empty */
     int32_t metre_mantissa, metre_exponent; /* metres in the capture's unit of
-                              * length, mantissa * 2^exponent; unknown if the
-                              * mantissa is 0 */
+                                             * length, mantissa * 2^exponent;
+                                             * unknown if the mantissa is 0 */
 } saga_naming;
 
 /* Gets the name of camera `index` in the capture, and the capture's unit of
@@ -270,7 +271,7 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
                              size_t n, uint32_t index);
 
 typedef struct saga_exposure {
-    uint16_t gain_q12[3];    /* R, G, B, 256..65535; 4096 is 1 */
+    uint16_t gain_q12[3]; /* R, G, B, 256..65535; 4096 is 1 */
 } saga_exposure;
 
 /* Gets the exposure of camera `index` in the capture. The decoder draws all
@@ -289,11 +290,11 @@ saga_status saga_find_exposure(saga_exposure *exposure, const uint8_t *bytes,
                                size_t n, uint32_t index);
 
 typedef struct saga_sound {
-    uint64_t offset;         /* offset of its bytes from the start of the
-                              * file */
+    uint64_t offset; /* offset of its bytes from the start of the
+                      * file */
     uint32_t nbytes;
-    int32_t start;           /* time of the file at which it begins, in 1/48000
-                              * of a second; negative if it began before */
+    int32_t start; /* time of the file at which it begins, in 1/48000
+                    * of a second; negative if it began before */
 } saga_sound;
 
 /* Finds the sound of a film, which is one Ogg stream of Opus for a player of
@@ -324,8 +325,8 @@ enum { SAGA_LAYERS_NBYTES = 152 };
 
 typedef struct saga_layer_report {
     uint32_t n_coarse, n_fine, n_primitives;
-    uint32_t end;            /* number of bytes of the segment up to the end of
-                              * this layer: a player may stop reading there */
+    uint32_t end; /* number of bytes of the segment up to the end of
+                   * this layer: a player may stop reading there */
 } saga_layer_report;
 
 /* Gets the counts of layer `index` of a segment, 0..info.n_layers-1, and its
@@ -342,8 +343,7 @@ saga_status saga_find_layer(saga_layer_report *layer, const saga_decoder *dec,
  * Returns SAGA_OK; ARG if t or a field of the camera is out of range, and then
  * the previous view remains; STATE without a segment; LEVEL if the boxes of the
  * splats cover more than SAGA_COVER_MAX, and then there is no view. */
-saga_status saga_view(saga_decoder *dec, const saga_camera *camera,
-                      int32_t t);
+saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t);
 
 /* Draws a part of a job (see saga_job). budget >= 1 bounds the work of the
  * call: one unit is a test of a splat, or a row of a splat blended in a tile.
@@ -366,7 +366,7 @@ uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
 /* --- Taps: for vectors, export and references ---------------------------- */
 
 typedef struct saga_report {
-    uint32_t n_layers;       /* number of decoded layers */
+    uint32_t n_layers;         /* number of decoded layers */
     uint32_t n_coarse, n_fine; /* anchors of all decoded layers together */
     uint32_t n_primitives;   /* primitives of base and layers. Those of the base
                               * are numbered first, then layer by layer */
@@ -384,12 +384,12 @@ saga_status saga_tell(saga_report *report, const saga_decoder *dec);
 
 /* A primitive at one time. */
 typedef struct saga_animated {
-    int32_t x[3];            /* mean, box units, saturated at +-2^29 */
-    int32_t quat[4];         /* w, x, y, z; not normalised; all 0: identity */
+    int32_t x[3];              /* mean, box units, saturated at +-2^29 */
+    int32_t quat[4];           /* w, x, y, z; not normalised; all 0: identity */
     int32_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
-    int32_t q0_q20;          /* 3 - log2 of opacity times temporal opacity, a
-                              * product that may exceed 1; invisible from 11 on
-                              */
+    int32_t q0_q20;            /* 3 - log2 of opacity times temporal opacity, a
+                                * product that may exceed 1; from 11 on it is
+                                * invisible */
 } saga_animated;
 
 /* Computes primitive `index` at time t (0..65535). Returns SAGA_OK, ARG or
@@ -408,8 +408,8 @@ typedef struct saga_visible {
  * Writes them to `out`, which has room for n, and their number to *n_out.
  * Returns SAGA_OK, ARG or STATE; on an error nothing is written. */
 saga_status saga_visible_at(saga_visible *out, uint32_t *n_out,
-                            const saga_decoder *dec, uint32_t first,
-                            uint32_t n, int32_t t);
+                            const saga_decoder *dec, uint32_t first, uint32_t n,
+                            int32_t t);
 
 /* Computes the colour of primitive `index` as seen from `from`, in box units,
  * |from| <= 2^29. The view remains valid, but no other thread may use the

@@ -4,8 +4,8 @@
 #include "animate.h"
 #include "project.h"
 
-static uint32_t splats_plain(saga_splat *s, const saga_primitive *p,
-                             uint32_t n, const saga_look *look)
+static uint32_t splats_plain(saga_splat *s, const saga_primitive *p, uint32_t n,
+                             const saga_look *look)
 {
     uint32_t seen = 0, i;
 

@@ -9,13 +9,13 @@
 #include "cpu.h"
 #include "primitive.h"
 
-enum { SAGA_RUN = 32 };          /* most primitives of a run */
+enum { SAGA_RUN = 32 }; /* most primitives of a run */
 
 /* The viewpoint and the time. */
 typedef struct saga_look {
     const saga_prim_format *format;
-    const saga_camera *camera;   /* checked */
-    int32_t t;                   /* 0..65535 */
+    const saga_camera *camera; /* checked */
+    int32_t t;                 /* 0..65535 */
 } saga_look;
 
 /* Computes the splats of those primitives p[0..n), n <= SAGA_RUN, that may

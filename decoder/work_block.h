@@ -16,23 +16,23 @@ struct saga_decoder {
     saga_plan plan;
     saga_header header;
     saga_prim_format format;
-    saga_counts n;               /* counts of the decoded layers together */
-    uint32_t n_layers;           /* decoded */
-    saga_camera camera;          /* camera of the view */
+    saga_counts n;      /* counts of the decoded layers together */
+    uint32_t n_layers;  /* decoded */
+    saga_camera camera; /* camera of the view */
     uint32_t final_range[3];
-    uint64_t box_pixels;         /* pixels of all boxes of the last requested
-                                  * view */
+    uint64_t box_pixels; /* pixels of all boxes of the last requested
+                          * view */
     uint32_t n_splats;
-    uint32_t owner;              /* CRC of the head's last chunk, which the CRCs
-                                  * of segments continue */
-    uint32_t n_views;            /* number of views prepared so far */
-    uint32_t segment_digest;     /* CRC over the CRCs of the head and of all
-                                  * decoded chunks of the segment */
-    uint32_t view_digest;        /* CRC over segment_digest, time and camera */
-    uint32_t cpu;                /* saga_cpu of this machine */
-    saga_tally tally;            /* work of the current saga_open or
-                                  * saga_decode; its pointers are cleared when
-                                  * the call ends */
+    uint32_t owner;          /* CRC of the head's last chunk, which the CRCs
+                              * of segments continue */
+    uint32_t n_views;        /* number of views prepared so far */
+    uint32_t segment_digest; /* CRC over the CRCs of the head and of all
+                              * decoded chunks of the segment */
+    uint32_t view_digest;    /* CRC over segment_digest, time and camera */
+    uint32_t cpu;            /* saga_cpu of this machine */
+    saga_tally tally;        /* work of the current saga_open or
+                              * saga_decode; its pointers are cleared when
+                              * the call ends */
     uint16_t has_segment, has_view;
 };
 
@@ -58,8 +58,8 @@ static inline saga_primitive *prims_of(saga_decoder *dec)
 
 static inline const saga_primitive *const_prims_of(const saga_decoder *dec)
 {
-    return (const saga_primitive *)(const void *)
-        const_at(dec, dec->plan.prims_at);
+    return (const saga_primitive *)(const void *)const_at(dec,
+                                                          dec->plan.prims_at);
 }
 
 /* (primitives, plan.colour_stride) */

@@ -43,8 +43,11 @@ static saga_status draw(const saga_decoder *dec, const saga_camera *c,
                         uint8_t *rgb, void *scratch)
 {
     const size_t stride = 3u * c->width;
-    saga_job job = { .x1 = c->width, .y1 = c->height, .tile = TILE,
-                     .list_capacity = LIST, .scratch = scratch,
+    saga_job job = { .x1 = c->width,
+                     .y1 = c->height,
+                     .tile = TILE,
+                     .list_capacity = LIST,
+                     .scratch = scratch,
                      .scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST) };
     saga_picture picture = { rgb, stride, stride * c->height, 8 };
     saga_status s;

@@ -290,7 +290,7 @@ def notes_of(cameras, folder, moving):
     told = json.loads(done.stdout)
     if os.environ.get("VERBOSE"):
         print(told["refinement"])
-    return told["to_mind"]
+    return told["warnings"]
 
 
 def is_named(pattern, cameras, notes):

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { BOUND_BITS = 16 };        /* bits for each bound of the alphabet */
+enum { BOUND_BITS = 16 }; /* bits for each bound of the alphabet */
 
 static void *must(void *p)
 {
@@ -19,8 +19,7 @@ static void *must(void *p)
     return p;
 }
 
-void order0_channel(order0_row *row, const int32_t *v, size_t stride,
-                    size_t n)
+void order0_channel(order0_row *row, const int32_t *v, size_t stride, size_t n)
 {
     int32_t lo = 0, hi = 0;
     FREED uint32_t *count;
@@ -77,9 +76,8 @@ static void add_tree(order0_row *row, const ref_file *f)
 
     for (uint32_t i = 0; i < f->s.n.coarse; i++) {
         const saga_coarse *const c = &f->sc.coarse[i];
-        const int32_t leaf[N] = { c->cell[0], c->cell[1], c->cell[2],
-                                  c->cell_t, c->depth_x, c->depth_t,
-                                  c->n_fine };
+        const int32_t leaf[N] = { c->cell[0], c->cell[1], c->cell[2], c->cell_t,
+                                  c->depth_x, c->depth_t, c->n_fine };
 
         for (size_t k = 0; k < N; k++)
             v[N * (size_t)i + k] = leaf[k];
@@ -95,8 +93,8 @@ static void add_suffixes(order0_row *row, const uint32_t *suffix, uint32_t n,
 
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t axis = 0; axis < 4; axis++)
-            v[4 * (size_t)i + axis] = (int32_t)saga_morton_axis(suffix[i],
-                                                                bits, axis);
+            v[4 * (size_t)i + axis] = (int32_t)saga_morton_axis(suffix[i], bits,
+                                                                axis);
     add_channels(row, v, 4, n);
 }
 

@@ -24,18 +24,17 @@
 #include "ref_file.h"
 
 typedef struct order0_row {
-    uint64_t n;                  /* number of symbols or coordinates */
-    double saga;                 /* code length in the file, bits */
-    double adaptive;             /* code length of the coder above, bits */
-    double entropy;              /* the channels' empirical entropy times n:
-                                  * less than any order-0 coder needs, which
-                                  * must also transmit the frequencies */
+    uint64_t n;      /* number of symbols or coordinates */
+    double saga;     /* code length in the file, bits */
+    double adaptive; /* code length of the coder above, bits */
+    double entropy;  /* the channels' empirical entropy times n:
+                      * less than any order-0 coder needs, which
+                      * must also transmit the frequencies */
 } order0_row;
 
 /* Adds one channel of n symbols, v[0], v[stride], ..., to row, whose member
  * saga stays. */
-void order0_channel(order0_row *row, const int32_t *v, size_t stride,
-                    size_t n);
+void order0_channel(order0_row *row, const int32_t *v, size_t stride, size_t n);
 
 /* Sets the rows of all components (cost.h) except the networks. */
 void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f);

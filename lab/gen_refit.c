@@ -40,8 +40,8 @@ typedef struct {
     saga_scene s, d;
     saga_twin twin;
     saga_rate rate;
-    float *feature;              /* (coarse, F) quantised from `decide` on */
-    float *m, *v;                /* Adam's moments (params) */
+    float *feature; /* (coarse, F) quantised from `decide` on */
+    float *m, *v;   /* Adam's moments (params) */
 } fit;
 
 /* --- The file as a scene ------------------------------------------------- */
@@ -53,8 +53,7 @@ static void set_structure(saga_scene *s, const ref_file *in)
     uint32_t v[4];
 
     memcpy(s->split, in->s.split, s->n_nodes);
-    memcpy(s->occupancy, in->s.occupancy,
-           s->n_nodes * sizeof *s->occupancy);
+    memcpy(s->occupancy, in->s.occupancy, s->n_nodes * sizeof *s->occupancy);
     memcpy(s->coarse, in->sc.coarse, s->n.coarse * sizeof *s->coarse);
     memcpy(s->fine, in->sc.fine, s->n.fine * sizeof *s->fine);
     /* The groups of anchors depend on the new model, so they are computed
@@ -93,9 +92,8 @@ static void set_places(saga_scene *s, const ref_file *in)
         set_place(s->fine_x + 4 * (size_t)i, in->sc.fine[i].x,
                   in->sc.fine[i].t);
     for (size_t i = 0; i < (size_t)s->n.coarse * s->model.features; i++)
-        s->coarse_feature[i] = (float)ldexp(
-            in->value[SAGA_STEP_FEATURE][i],
-            -s->model.out_q[SAGA_OUT_COARSE]);
+        s->coarse_feature[i] = (float)ldexp(in->value[SAGA_STEP_FEATURE][i],
+                                            -s->model.out_q[SAGA_OUT_COARSE]);
 }
 
 /* Returns a primitive's offset, clamped to its suffix cell. Rounding may have
@@ -107,8 +105,7 @@ static float prim_offset(const ref_file *in, size_t prim, uint32_t axis)
     const double residual = in->value[SAGA_STEP_PRIM][4 * prim + axis] /
                             16384.0;
 
-    return (float)(saga_suffix_centre(in->s.prim_suffix[prim], bits,
-                                            axis) +
+    return (float)(saga_suffix_centre(in->s.prim_suffix[prim], bits, axis) +
                    fmin(fmax(residual, -most), most));
 }
 
@@ -121,8 +118,7 @@ static void set_twin(saga_twin *w, const ref_file *in)
 
         for (size_t k = 0; k < f; k++)
             w->fine_feature[i * f + k] = (float)ldexp(
-                in->sc.fine_feature[i * f + k] *
-                    saga_fine_unit(in->params)[k],
+                in->sc.fine_feature[i * f + k] * saga_fine_unit(in->params)[k],
                 -3 - in->h.model.out_q[SAGA_OUT_FINE]);
         for (size_t k = 0; k < 4; k++) {
             const float unit = k < 3 ? 8388608 : 65536;
@@ -169,23 +165,25 @@ static saga_model model_of(const ref_file *in, const refit_options *o)
     return m;
 }
 
-static void begin(fit *f)
+static void begin_fit(fit *f)
 {
     const ref_file *const in = f->in;
     const saga_model m = model_of(in, &f->o);
     saga_error error = { "" };
     size_t n;
 
-    need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed,
-                         &error) &&
-         saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0, &error), &error);
+    need(
+        saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed, &error) &&
+            saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0, &error),
+        &error);
     /* Everything that stays comes from the file. */
     set_structure(&f->s, in);
     set_places(&f->s, in);
     need(saga_twin_init(&f->twin, &f->s, &error), &error);
     set_twin(&f->twin, in);
     need(saga_rate_init(&f->rate, &f->s, &error) &&
-         saga_rate_refresh(&f->rate, &f->s, &error), &error);
+             saga_rate_refresh(&f->rate, &f->s, &error),
+         &error);
     set_values(&f->rate, in);
     if (f->o.ablation.raw_networks)
         saga_rate_keep_raw(&f->rate);
@@ -198,7 +196,7 @@ static void begin(fit *f)
     f->v = must(calloc(n + 1, sizeof *f->v));
 }
 
-static void end(fit *f)
+static void free_fit(fit *f)
 {
     saga_rate_free(&f->rate);
     saga_twin_free(&f->twin);
@@ -252,7 +250,7 @@ static size_t tensor_of(saga_adam_tensor *t, fit *f, int from, int to,
 
 /* Makes iteration i. From iteration `decide` on, when sources are chosen, the
  * features are rounded as they will be coded. Returns NULL or an error. */
-static const char *step(fit *f, int i, int decide)
+static const char *fit_step(fit *f, int i, int decide)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
     const bool remember = saga_rate_readers(&f->rate.context, &f->s) &&
@@ -280,10 +278,11 @@ static const char *step(fit *f, int i, int decide)
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_NET_RES,
                    remember ? SAGA_BANK_TWIN_PACE * rate : 0);
     return saga_adam_update(&adam, t, n, (uint64_t)i + 1, &error)
-        ? NULL : "the fit left the finite numbers";
+               ? NULL
+               : "the fit left the finite numbers";
 }
 
-static const char *run(fit *f)
+static const char *fit_all(fit *f)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
     const int decide = 2 * f->o.iterations / 3;
@@ -291,7 +290,7 @@ static const char *run(fit *f)
 
     saga_rate_start(&f->rate, &f->s, &x);
     for (int i = 0; !why && i < f->o.iterations; i++)
-        why = step(f, i, decide);
+        why = fit_step(f, i, decide);
     return why;
 }
 
@@ -304,12 +303,10 @@ static saga_symbols begin_symbols(const ref_file *in)
     saga_symbols y = in->s;
 
     y.centre = must(calloc(in->s.n.coarse + 1u, 4 * sizeof *y.centre));
-    y.feature = must(calloc(in->s.n.coarse + 1u,
-                            in->h.model.features * sizeof *y.feature));
-    y.fine_offset = must(calloc(in->s.n.fine + 1u,
-                                4 * sizeof *y.fine_offset));
-    y.prim_offset = must(calloc(in->s.n.prim + 1u,
-                                4 * sizeof *y.prim_offset));
+    y.feature = must(
+        calloc(in->s.n.coarse + 1u, in->h.model.features * sizeof *y.feature));
+    y.fine_offset = must(calloc(in->s.n.fine + 1u, 4 * sizeof *y.fine_offset));
+    y.prim_offset = must(calloc(in->s.n.prim + 1u, 4 * sizeof *y.prim_offset));
     return y;
 }
 
@@ -324,9 +321,7 @@ static void end_symbols(saga_symbols *y)
 static bool write_segment(saga_encoder *e, const ref_file *in,
                           saga_error *error)
 {
-    const saga_targets t = {
-        .value = (const int16_t *const *)in->value
-    };
+    const saga_targets t = { .value = (const int16_t *const *)in->value };
     FREED_BY(end_symbols) saga_symbols y = begin_symbols(in);
     saga_quantise_report report;
     const bool ok = saga_quantise_segment(&y, &report, e, &t, NULL, error) &&
@@ -363,8 +358,10 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     if (!saga_pack_entropy(&entropy, &h.model, c, &f->twin, &error))
         return "out of memory";
     for (int net = 0; net < SAGA_N_NETS; net++)
-        memcpy(nets.layer[net], saga_is_entropy_net(net) ? entropy.layer[net]
-               : f->in->nets.layer[net], sizeof nets.layer[net]);
+        memcpy(nets.layer[net],
+               saga_is_entropy_net(net) ? entropy.layer[net]
+                                        : f->in->nets.layer[net],
+               sizeof nets.layer[net]);
     e = saga_encoder_open(&h, f->in->rig, &nets, &error);
     ok = e && write_segment(e, f->in, &error) &&
          saga_encoder_finish(e, out, n, &sizes, &error);
@@ -373,7 +370,7 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     return ok ? NULL : "the file's values cannot be coded again";
 }
 
-static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
+static const char *write_fit(uint8_t **out, size_t *n, refit_report *r, fit *f)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
     saga_error error = { "" };
@@ -381,8 +378,8 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
     const char *why;
 
     need(saga_rate_choice_init(&c, &f->rate, &x, &error), &error);
-    memcpy(f->feature, f->s.coarse_feature, (size_t)f->s.n.coarse *
-           f->s.model.features * sizeof *f->feature);
+    memcpy(f->feature, f->s.coarse_feature,
+           (size_t)f->s.n.coarse * f->s.model.features * sizeof *f->feature);
     saga_rate_choice_code(&c, &f->rate, &x, 0, SAGA_N_KINDS - 1);
     memcpy(r->sources, c.scene.model.sources, sizeof r->sources);
     memcpy(r->estimate, c.bits, sizeof r->estimate);
@@ -399,12 +396,12 @@ refit_options refit_defaults(void)
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
                        const ref_file *in, const refit_options *options)
 {
-    FREED_BY(end) fit f = { .in = in, .o = *options };
+    FREED_BY(free_fit) fit f = { .in = in, .o = *options };
     const char *why;
 
-    begin(&f);
-    why = run(&f);
+    begin_fit(&f);
+    why = fit_all(&f);
     if (!why)
-        why = finish(out, n, report, &f);
+        why = write_fit(out, n, report, &f);
     return why;
 }

@@ -19,11 +19,11 @@
 #include "train.h"
 
 typedef struct refit_options {
-    saga_ablation ablation;      /* the bank is tried in small scenes, too */
-    int iterations;              /* >= 3 */
+    saga_ablation ablation; /* the bank is tried in small scenes, too */
+    int iterations;         /* >= 3 */
     uint64_t seed;
-    bool keep;                   /* keeps sources that cost more than they save
-                                  */
+    bool keep; /* keeps sources that cost more than they save
+                */
 } refit_options;
 
 typedef struct refit_report {

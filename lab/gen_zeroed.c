@@ -30,7 +30,7 @@ static void *must(void *p)
  * counts but not on features, so it is the same after features have changed. */
 typedef struct {
     int32_t *v;
-    size_t n, cap, at;       /* at: index of the next value to play */
+    size_t n, cap, at; /* at: index of the next value to play */
 } tape;
 
 static void record(tape *t, int32_t v)
@@ -44,8 +44,8 @@ static void record(tape *t, int32_t v)
 
 /* A coder with a tape. It records what `inner` decodes, or later plays it. */
 typedef struct {
-    saga_coder coder;        /* first member, so that its functions can cast a
-                              * saga_coder back */
+    saga_coder coder; /* first member, so that its functions can cast a
+                       * saga_coder back */
     saga_coder *inner;
     tape tape;
     zeroed_what what;
@@ -105,7 +105,8 @@ static void play_residual(saga_coder *c, saga_at at, int32_t *q,
         const double was = mu_was + q_was * (step_q16 / 65536.0);
 
         q[i] = at.sym == SAGA_SYM_FEATURE && d->what == ZEROED_FEATURES
-             ? nearest(0, mu[i], step_q16) : nearest(was, mu[i], step_q16);
+                   ? nearest(0, mu[i], step_q16)
+                   : nearest(was, mu[i], step_q16);
     }
 }
 
@@ -134,7 +135,8 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
                   recorder_chunks at)
 {
     deck d = { .coder = { .residual = record_residual,
-                          .adaptive = record_adaptive }, .what = sc->what };
+                          .adaptive = record_adaptive },
+               .what = sc->what };
     saga_scaffold scaffold;
     uint32_t final_range[3];
     recorder r;
@@ -193,8 +195,8 @@ static saga_rig_camera *read_rig(const saga_header *h, const uint8_t *bytes)
 }
 
 /* Begins a new file with the header, rig and networks of the old one. */
-static saga_encoder *begin(const saga_header *h, const uint8_t *bytes,
-                           size_t n)
+static saga_encoder *begin_file(const saga_header *h, const uint8_t *bytes,
+                                size_t n)
 {
     FREED saga_rig_camera *const rig = read_rig(h, bytes);
     saga_encoder *e = NULL;
@@ -223,7 +225,7 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
         return "the header is not valid";
     if ((h.model.tools & SAGA_TOOL_BASE) || h.more_layers)
         return "files with a base or layers cannot be changed yet";
-    e = begin(&h, bytes, n);
+    e = begin_file(&h, bytes, n);
     if (!e)
         return "the networks are not valid";
     /* Change the segments one after the other. */
@@ -232,9 +234,10 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
     for (uint32_t frame = 0; !why && frame < info.n_frames;
          frame += seg.n_frames)
         why = saga_find(&seg, bytes, n, frame, 1) || seg.offset > n ||
-              seg.nbytes > n - seg.offset
-            ? "the index is not valid"
-            : append(e, &sc, &h, recorder_segment_chunks(&h, bytes, &seg));
+                      seg.nbytes > n - seg.offset
+                  ? "the index is not valid"
+                  : append(e, &sc, &h,
+                           recorder_segment_chunks(&h, bytes, &seg));
     if (!why && !saga_encoder_finish(e, out, n_out, &sizes, &error))
         why = "a decoder would refuse the file";
     saga_encoder_free(e);

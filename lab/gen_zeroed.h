@@ -10,8 +10,8 @@
 #include <stdint.h>
 
 typedef enum zeroed_what {
-    ZEROED_NOTHING,          /* the copy has the same bytes */
-    ZEROED_FEATURES          /* features are within half a step of 0 */
+    ZEROED_NOTHING, /* the copy has the same bytes */
+    ZEROED_FEATURES /* features are within half a step of 0 */
 } zeroed_what;
 
 /* Copies the file bytes[0..n) with encode.h. Entropy parameters may depend on

@@ -25,8 +25,8 @@ typedef struct {
     double cut;
 } format;
 
-static const format exact = { EXACT, EXACT, EXACT, EXACT, EXACT, EXACT, EXACT,
-                              SAGA_CUT_LOG2 };
+static const format exact = { EXACT, EXACT, EXACT, EXACT,
+                              EXACT, EXACT, EXACT, SAGA_CUT_LOG2 };
 static const format norm = { 8, 28, 20, 11, 16, 16, 15, SAGA_CUT_LOG2 };
 
 typedef struct {
@@ -37,12 +37,12 @@ typedef struct {
     saga_primitive *prims;
     int16_t *colours;
     int32_t t;
-    ref_splat *splat;        /* one for each primitive */
-    uint8_t *visible;        /* whether each primitive is visible */
-    uint32_t *order, n;      /* the order of blending of the exact picture,
-                              * which all pictures use */
+    ref_splat *splat;           /* one for each primitive */
+    uint8_t *visible;           /* whether each primitive is visible */
+    uint32_t *order, n;         /* the order of blending of the exact picture,
+                                 * which all pictures use */
     double *rgb, *base, *trans; /* a picture, the exact picture, T */
-    double n_pairs;          /* number of pixels blended, over all splats */
+    double n_pairs;             /* number of pixels blended, over all splats */
     int n_printed;
 } session;
 
@@ -156,8 +156,7 @@ static void decode(session *s)
     }
 }
 
-static void tell(session *s, const char *what, const char *value,
-                 int is_chosen)
+static void tell(session *s, const char *what, const char *value, int is_chosen)
 {
     const int n = 3 * s->camera.width * s->camera.height;
     double sum = 0, max = 0;
@@ -170,8 +169,8 @@ static void tell(session *s, const char *what, const char *value,
     }
     printf("%s\n    { \"format\": \"%s\", \"value\": \"%s\", \"chosen\": %s, "
            "\"rms\": %.6g, \"max\": %.6g, \"n_pairs\": %.0f }",
-           s->n_printed++ ? "," : "", what, value,
-           is_chosen ? "true" : "false", sqrt(sum / n), max, s->n_pairs);
+           s->n_printed++ ? "," : "", what, value, is_chosen ? "true" : "false",
+           sqrt(sum / n), max, s->n_pairs);
 }
 
 /* --- Formats ------------------------------------------------------------- */
@@ -239,9 +238,10 @@ static void try_activations(session *s)
             snprintf(value, sizeof value, "%d", 16 + bits[i]);
             decode(s);
             draw(s, &exact);
-            tell(s, r->by_unit ? "bits of activations, by unit"
-                               : "bits of activations", value,
-                 bits[i] == 0 && !r->by_unit);
+            tell(s,
+                 r->by_unit ? "bits of activations, by unit"
+                            : "bits of activations",
+                 value, bits[i] == 0 && !r->by_unit);
         }
     r->is_on = 0;
 }

@@ -29,14 +29,14 @@ enum { NEIGHBOURS, RANDOM, MEAN, N_METHODS };
 enum { LEAST_WINDOW = 16, LEAST_NEIGHBOURS = 8 };
 
 typedef struct {
-    saga_scaffold sc;        /* group 1 marks masked anchors */
+    saga_scaffold sc; /* group 1 marks masked anchors */
     int tier;
-    uint32_t n, f;           /* anchors of the tier, features of each */
-    const double *was;       /* (n, f) */
-    double *now;             /* (n, f) */
+    uint32_t n, f;                  /* anchors of the tier, features of each */
+    const double *was;              /* (n, f) */
+    double *now;                    /* (n, f) */
     double mean[SAGA_MAX_FEATURES]; /* of the known anchors */
     saga_rng random;
-    uint64_t n_random;       /* numbers drawn so far */
+    uint64_t n_random; /* numbers drawn so far */
 } session;
 
 static uint8_t *group_of(const session *s, uint32_t rank)
@@ -166,11 +166,12 @@ static void print_tier(const ref_scene *scene, int tier, double *now)
     const bool coarse = tier == SAGA_TIER_COARSE;
     saga_model model = *scene->before.model;
     saga_tier *const t = &model.tier[tier];
-    session s = {
-        .sc = scene->before, .tier = tier, .f = model.features, .now = now,
-        .n = coarse ? scene->before.n.coarse : scene->before.n.fine,
-        .was = coarse ? scene->coarse_feature : scene->fine_feature
-    };
+    session s = { .sc = scene->before,
+                  .tier = tier,
+                  .f = model.features,
+                  .now = now,
+                  .n = coarse ? scene->before.n.coarse : scene->before.n.fine,
+                  .was = coarse ? scene->coarse_feature : scene->fine_feature };
 
     t->window = t->window < LEAST_WINDOW ? LEAST_WINDOW : t->window;
     t->neighbours = t->neighbours < LEAST_NEIGHBOURS ? LEAST_NEIGHBOURS

@@ -16,9 +16,9 @@
 
 static json_t *row_of(const order0_row *r)
 {
-    return json_pack("{sIsfsfsf}", "symbols", (json_int_t)r->n,
-                     "saga", r->saga / 8, "order0", r->adaptive / 8,
-                     "entropy0", r->entropy / 8);
+    return json_pack("{sIsfsfsf}", "symbols", (json_int_t)r->n, "saga",
+                     r->saga / 8, "order0", r->adaptive / 8, "entropy0",
+                     r->entropy / 8);
 }
 
 static void add(order0_row *sum, const order0_row *r)
@@ -33,8 +33,8 @@ static json_t *total_of(const order0_row *r, double networks)
 {
     json_t *const o = row_of(r);
 
-    json_object_set_new(o, "saving", json_real(
-        1 - (r->saga + networks) / r->adaptive));
+    json_object_set_new(o, "saving",
+                        json_real(1 - (r->saga + networks) / r->adaptive));
     return o;
 }
 

@@ -72,10 +72,9 @@ static int train_row(saga_train *t, const char *row, double factor)
            "\"fine\": %u, \"primitives\": %u, \"tools\": %u, "
            "\"iterations\": [%d, %d], \"bytes\": %zu, \"networks\": %zu, "
            "\"warm_up\": %.3f, \"training\": %.3f, \"held_out\": %.3f}\n",
-           row, factor, r->lambda, r->n.fine, r->n.prim,
-           t->scene.model.tools, t->o.n_warm, t->o.n_render, n,
-           r->sizes.networks, r->warm.training, r->coded.training,
-           r->coded.held_out);
+           row, factor, r->lambda, r->n.fine, r->n.prim, t->scene.model.tools,
+           t->o.n_warm, t->o.n_render, n, r->sizes.networks, r->warm.training,
+           r->coded.training, r->coded.held_out);
     return fflush(stdout) ? fail("no room for the output") : 0;
 }
 
@@ -125,7 +124,7 @@ int main(int argc, char **argv)
     for (int i = 2; i < 6; i++) {
         if (argc < 7 || atoi(argv[i]) < 1) {
             fprintf(stderr, "usage: make_paper CAPTURE PRIMITIVES WARM RENDER "
-                    "JOBS ROW:FACTOR...\nwith numbers of 1 at least\n");
+                            "JOBS ROW:FACTOR...\nwith numbers of 1 at least\n");
             return 2;
         }
     }
@@ -133,14 +132,14 @@ int main(int argc, char **argv)
     o.n_warm = atoi(argv[3]);
     o.n_render = atoi(argv[4]);
     o.seed = 1;
-    o.level = 3;                 /* the lowest with 256 and 512 slots */
+    o.level = 3; /* the lowest with 256 and 512 slots */
     o.progress = until_warm;
     if (!saga_capture_load(&capture, argv[1], &c, &error))
         return fail(error.message);
     t = saga_train_new(&capture, &o, &error);
     status = !t || saga_train_run(t, &error) != SAGA_STOPPED
-        ? fail(error.message) : train_rows(t, argv + 6, argc - 6,
-                                           atoi(argv[5]));
+                 ? fail(error.message)
+                 : train_rows(t, argv + 6, argc - 6, atoi(argv[5]));
     saga_train_free(t);
     saga_capture_free(&capture);
     return status;

@@ -30,7 +30,7 @@ static int usage(const saga_error *error)
     if (saga_failed(error))
         fail(error->message);
     fprintf(stderr, "usage: make_refit IN.saga OUT.saga [--ablate LIST] "
-            "[--keep]\n    [--iterations N] [--seed N]\n");
+                    "[--keep]\n    [--iterations N] [--seed N]\n");
     return 2;
 }
 
@@ -62,8 +62,9 @@ static bool read_options(refit_options *o, int argc, char **argv,
             continue;
         }
         if (++i == argc ||
-            !(strcmp(name, "--ablate") ? set_number(o, name, argv[i])
-              : saga_ablation_read(&o->ablation, argv[i], error)))
+            !(strcmp(name, "--ablate")
+                  ? set_number(o, name, argv[i])
+                  : saga_ablation_read(&o->ablation, argv[i], error)))
             return false;
     }
     return true;
@@ -78,9 +79,8 @@ static json_t *kind_of(const refit_report *r, int kind)
     const saga_rate_gain *const g = &r->decision.gain[kind];
 
     return json_pack("{sisfsfsfsf}", "sources", (int)r->sources[kind],
-                     "constants", g->constants / 8, "networks",
-                     g->networks / 8, "chosen", g->chosen / 8,
-                     "weights", g->weights / 8);
+                     "constants", g->constants / 8, "networks", g->networks / 8,
+                     "chosen", g->chosen / 8, "weights", g->weights / 8);
 }
 
 static void print(const ref_file *in, const ref_file *out, size_t n_in,
@@ -89,9 +89,8 @@ static void print(const ref_file *in, const ref_file *out, size_t n_in,
     static const char *const keys[SAGA_N_KINDS] = { "coarse", "fine",
                                                     "primitives" };
     json_t *const o = json_pack("{sososIsI}", "before", file_json_parts(in),
-                                "after", file_json_parts(out),
-                                "bytes_before", (json_int_t)n_in,
-                                "bytes", (json_int_t)n_out);
+                                "after", file_json_parts(out), "bytes_before",
+                                (json_int_t)n_in, "bytes", (json_int_t)n_out);
     json_t *const kinds = json_object();
 
     for (int i = 0; i < SAGA_N_KINDS; i++)
@@ -110,8 +109,10 @@ static int write_bytes(const char *name, const uint8_t *bytes, size_t n)
     saga_output out;
 
     return saga_output_open(&out, name, &error) &&
-           saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, &error)
-        ? 0 : fail(error.message);
+                   saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n,
+                                     &error)
+               ? 0
+               : fail(error.message);
 }
 
 /* --- Main ---------------------------------------------------------------- */

@@ -45,8 +45,8 @@ static int run_chunk(const ref_file *f, int chunk)
 
     saga_range_dec_init(&range, at.p, at.n);
     ok = chunk == REF_NETWORKS
-        ? saga_syntax_networks(&f->shapes, f->params, &range.coder)
-        : saga_syntax_part(&f->sc, chunk - REF_COARSE, &range.coder);
+             ? saga_syntax_networks(&f->shapes, f->params, &range.coder)
+             : saga_syntax_part(&f->sc, chunk - REF_COARSE, &range.coder);
     return ok && saga_range_dec_finish(&range);
 }
 
@@ -64,8 +64,8 @@ static int run_decoder(double *ms, const saga_bytes *in)
         saga_find(&seg, in->data, in->nbytes, 0, 1))
         return 0;
     work = aligned_alloc(64, (info.work_nbytes + 63) / 64 * 64);
-    ok = work && !saga_open(&dec, work, info.work_nbytes, in->data,
-                            in->nbytes, NULL);
+    ok = work &&
+         !saga_open(&dec, work, info.work_nbytes, in->data, in->nbytes, NULL);
     begin = now_ms();
     ok = ok && !saga_decode(dec, &seg, in->data + seg.offset, seg.nbytes, NULL);
     *ms = fmin(*ms, now_ms() - begin);
@@ -73,7 +73,8 @@ static int run_decoder(double *ms, const saga_bytes *in)
     return ok;
 }
 
-static int run(double best[N_TIMES], const ref_file *f, const saga_bytes *in)
+static int time_film(double best[N_TIMES], const ref_file *f,
+                     const saga_bytes *in)
 {
     saga_syntax_begin(&f->sc);
     for (int i = 0; i < REF_N_CHUNKS; i++) {
@@ -90,10 +91,10 @@ static void print(const double best[N_TIMES])
 {
     const double layers = best[REF_COARSE] + best[REF_FINE] + best[REF_PRIM];
     json_t *const o = json_pack(
-        "{sfsfsfsfsfsf}", "networks", best[REF_NETWORKS],
-        "coarse", best[REF_COARSE], "fine", best[REF_FINE],
-        "primitives", best[REF_PRIM], "reconstruction",
-        fmax(0, best[DECODE] - layers), "decode", best[DECODE]);
+        "{sfsfsfsfsfsf}", "networks", best[REF_NETWORKS], "coarse",
+        best[REF_COARSE], "fine", best[REF_FINE], "primitives", best[REF_PRIM],
+        "reconstruction", fmax(0, best[DECODE] - layers), "decode",
+        best[DECODE]);
 
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(5));
     putchar('\n');
@@ -122,7 +123,7 @@ int main(int argc, char **argv)
     for (int i = 0; i < N_TIMES; i++)
         best[i] = HUGE_VAL;
     for (int i = 0; ok && i < repetitions; i++)
-        ok = run(best, &f, &in);
+        ok = time_film(best, &f, &in);
     ref_file_free(&f);
     saga_bytes_free(&in);
     if (!ok)

@@ -96,12 +96,13 @@ static void update_slot(double *slot, const ref_nets *n, const ref_bank *m,
 {
     const double gate = 1 / (1 + exp(-v[m->width]));
     const double along = n->model->tools & SAGA_TOOL_PLAIN_WRITE
-        ? 0 : ref_dot(slot, v, m->width);
+                             ? 0
+                             : ref_dot(slot, v, m->width);
     double u[SAGA_MAX_SLOT_WIDTH], length;
 
     for (uint32_t d = 0; d < m->width; d++)
-        u[d] = slot[d] + gate * ref_saturate(v[d] - along * slot[d],
-                                             1 / 4096.0);
+        u[d] = slot[d] +
+               gate * ref_saturate(v[d] - along * slot[d], 1 / 4096.0);
     length = sqrt(ref_dot(u, u, m->width));
     for (uint32_t d = 0; d < m->width && length > 0; d++)
         slot[d] = u[d] / length;
@@ -117,8 +118,8 @@ void ref_bank_end_round(ref_bank *m, const ref_nets *n)
     ref_nets_run(base, n, SAGA_NET_WRITE_BASE, m->sum);
     for (uint32_t p = 0; p < m->n_slots; p++) {
         for (uint32_t i = 0; i < m->hidden; i++)
-            h[i] = fmax(0, ref_saturate(base[i] + m->own[p * m->hidden + i],
-                                        unit));
+            h[i] = fmax(
+                0, ref_saturate(base[i] + m->own[p * m->hidden + i], unit));
         ref_nets_run(v, n, SAGA_NET_WRITE, h);
         update_slot(m->slot + p * m->width, n, m, v);
     }

@@ -10,11 +10,11 @@
 
 typedef struct {
     uint32_t n_slots, width, hidden;
-    double *slot;            /* (L, D) */
-    double *own;             /* (L, V) the SLOT network's output for each slot
-                              */
+    double *slot; /* (L, D) */
+    double *own;  /* (L, V) the SLOT network's output for each slot
+                   */
     double sum[SAGA_MAX_SLOT_WIDTH]; /* sum of the round's tokens so far */
-    uint32_t n;              /* number of tokens in that sum */
+    uint32_t n;                      /* number of tokens in that sum */
 } ref_bank;
 
 /* Makes a bank in its initial state; it has no slots if the model has none.

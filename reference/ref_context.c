@@ -42,8 +42,8 @@ static void read_for(double *out, const ref_scene *s, const ref_block *b,
 {
     double query[SAGA_MAX_VECTOR];
     const int table = b->kind == SAGA_KIND_COARSE ? -1
-                    : b->kind == SAGA_KIND_FINE ? REF_TABLE_COARSE
-                    : REF_TABLE_FINE;
+                      : b->kind == SAGA_KIND_FINE ? REF_TABLE_COARSE
+                                                  : REF_TABLE_FINE;
 
     token(query, s, SAGA_NET_QUERY, b, b->x, table,
           table == REF_TABLE_COARSE ? b->parent : b->rank);
@@ -118,13 +118,13 @@ static void set_params(ref_scene *s, int step, size_t at, const double *out,
 }
 
 /* Returns the value of a symbol q: y = mu + q step. */
-static double decoded(const ref_scene *s, int step, const int32_t *q,
-                      size_t at)
+static double decoded(const ref_scene *s, int step, const int32_t *q, size_t at)
 {
     const double unit = ref_step_unit(s, step);
 
     return ref_saturate(s->mu[step][at] +
-                        q[at] * unit * s->model->step_q16[step] / 65536, unit);
+                            q[at] * unit * s->model->step_q16[step] / 65536,
+                        unit);
 }
 
 static void coarse_values(ref_scene *s, uint32_t rank)
@@ -153,8 +153,8 @@ static void fine_values(ref_scene *s, uint32_t rank)
     for (uint32_t i = 0; i < 4; i++) {
         s->residual[rank][i] = decoded(s, SAGA_STEP_FINE,
                                        s->file->s.fine_offset, 4u * rank + i);
-        s->local[rank][i] = ref_saturate(s->local[rank][i] +
-                                         s->residual[rank][i], REF_Q14);
+        s->local[rank][i] = ref_saturate(
+            s->local[rank][i] + s->residual[rank][i], REF_Q14);
     }
 }
 
@@ -165,7 +165,8 @@ static void prim_value(ref_scene *s, uint32_t prim)
     for (uint32_t i = 0; i < 4; i++)
         s->offset[prim][i] = ref_saturate(
             ref_suffix_axis(s->file->s.prim_suffix[prim], bits, i) +
-            decoded(s, SAGA_STEP_PRIM, s->file->s.prim_offset, 4u * prim + i),
+                decoded(s, SAGA_STEP_PRIM, s->file->s.prim_offset,
+                        4u * prim + i),
             REF_Q14);
 }
 

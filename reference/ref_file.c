@@ -32,8 +32,9 @@ uint32_t ref_file_channels(const ref_file *f, int step)
 
 uint32_t ref_file_rows(const ref_file *f, int step)
 {
-    return step == SAGA_STEP_FINE ? f->s.n.fine
-         : step == SAGA_STEP_PRIM ? f->s.n.prim : f->s.n.coarse;
+    return step == SAGA_STEP_FINE   ? f->s.n.fine
+           : step == SAGA_STEP_PRIM ? f->s.n.prim
+                                    : f->s.n.coarse;
 }
 
 /* --- Chunks -------------------------------------------------------------- */
@@ -92,18 +93,19 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
 {
     ref_file *const f = user;
     const int step = saga_step_of(at.sym);
-    const int32_t *const q = step == SAGA_STEP_CENTRE ? f->s.centre
-                           : step == SAGA_STEP_FEATURE ? f->s.feature
-                           : step == SAGA_STEP_FINE ? f->s.fine_offset
-                           : f->s.prim_offset;
+    const int32_t *const q = step == SAGA_STEP_CENTRE    ? f->s.centre
+                             : step == SAGA_STEP_FEATURE ? f->s.feature
+                             : step == SAGA_STEP_FINE    ? f->s.fine_offset
+                                                         : f->s.prim_offset;
     const size_t first = (size_t)at.index * n;
 
     (void)sc;
     memcpy(f->mu[step] + first, mu, n * sizeof *mu);
     memcpy(f->scale[step] + first, scale, n);
     for (uint32_t i = 0; i < n; i++)
-        f->value[step][first + i] = fx_sat16_64(mu[i] + fx_rshift64(
-            (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
+        f->value[step][first + i] = fx_sat16_64(
+            mu[i] +
+            fx_rshift64((int64_t)q[first + i] * f->h.model.step_q16[step], 16));
 }
 
 static int read_scaffold(ref_file *f, recorder_chunks at)

@@ -34,17 +34,17 @@ typedef struct ref_file {
                                   * for the base */
     saga_counts n;               /* counts of this layer or of the base */
     saga_nets shapes;
-    uint8_t *params;             /* the networks' block */
+    uint8_t *params; /* the networks' block */
     saga_net_symbols nets;
     saga_symbols s;
     int16_t *value[SAGA_N_STEPS]; /* dequantised values by SAGA_STEP_*: (coarse,
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
                                    * in common/syntax.h */
-    int16_t *mu[SAGA_N_STEPS];   /* the prediction of each value */
+    int16_t *mu[SAGA_N_STEPS];    /* the prediction of each value */
     uint8_t *scale[SAGA_N_STEPS]; /* the index of its distribution */
-    saga_scaffold sc;            /* scaffold after all chunks are decoded */
+    saga_scaffold sc;             /* scaffold after all chunks are decoded */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
-    double bits[SAGA_N_SYMS];    /* code length by SAGA_SYM_* */
+    double bits[SAGA_N_SYMS];     /* code length by SAGA_SYM_* */
     double net_bits[SAGA_N_NETS]; /* code length of each network */
 } ref_file;
 

@@ -24,8 +24,8 @@ static double weight_of(const saga_layer *l, uint32_t row, uint32_t k)
 static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
                        saga_error *error)
 {
-    double *const w = saga_alloc(l->n_out, l->n_in * sizeof *w,
-                                 "a network", error);
+    double *const w = saga_alloc(l->n_out, l->n_in * sizeof *w, "a network",
+                                 error);
     double *const b = saga_alloc(l->n_out, sizeof *b, "a network", error);
 
     n->weight[net][i] = w;
@@ -35,8 +35,7 @@ static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
     for (uint32_t row = 0; row < l->n_out; row++) {
         b[row] = ldexp(l->bias[row], -l->shift[row]);
         for (uint32_t k = 0; k < l->n_in; k++)
-            w[row * l->n_in + k] = ldexp(weight_of(l, row, k),
-                                         -l->shift[row]);
+            w[row * l->n_in + k] = ldexp(weight_of(l, row, k), -l->shift[row]);
     }
     return true;
 }
@@ -48,7 +47,8 @@ static int finer_output(const saga_nets *shapes,
     const int last = shapes->shape[net].n_layers - 1;
 
     return k < saga_nets_n_finer(shapes, net, last)
-        ? symbols->layer[net][last].finer[k] : 0;
+               ? symbols->layer[net][last].finer[k]
+               : 0;
 }
 
 /* Returns the unit of output k of D_res, which is that of the output to which
@@ -74,12 +74,15 @@ static void take_units(ref_nets *n, const saga_nets *shapes,
     if (s->n_layers == 0)
         return;
     for (uint32_t k = 0; k < s->dim[0]; k++)
-        n->in_unit[net][k] = ldexp(1, -s->q_in - (from < 0 ? 0
-            : finer_output(shapes, symbols, from, k)));
+        n->in_unit[net][k] = ldexp(
+            1,
+            -s->q_in - (from < 0 ? 0 : finer_output(shapes, symbols, from, k)));
     for (uint32_t k = 0; k < s->dim[s->n_layers]; k++)
-        n->out_unit[net][k] = net == SAGA_NET_RES ? unit_of_corrected(n, k)
-            : ldexp(1, -saga_output_q(n->model, net, k) -
-                       finer_output(shapes, symbols, as, k));
+        n->out_unit[net][k] = net == SAGA_NET_RES
+                                  ? unit_of_corrected(n, k)
+                                  : ldexp(1, -saga_output_q(n->model, net, k) -
+                                                 finer_output(shapes, symbols,
+                                                              as, k));
 }
 
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,

@@ -14,27 +14,30 @@
 /* An optional rounding of activations, to measure what a number format costs.
  * The format's own step is one last place of the decoder's int16. */
 typedef struct ref_rounding {
-    int is_on;               /* 0: only `most` is measured */
-    int bits;                /* the step is 2^-bits of the format's own, so that
-                              * activations need 16 + bits bits */
-    int by_unit;             /* 1: each input of a layer has its own step, up to
-                              * 2^7 times finer, with which its `most` still
-                              * fits in 2^14 steps */
-    double most[SAGA_N_NETS][SAGA_MAX_NET_LAYERS][SAGA_MAX_VECTOR]; /* largest
-                              * magnitude of each input of a layer, in the
-                              * format's own steps, since it was cleared */
+    int is_on;   /* 0: only `most` is measured */
+    int bits;    /* the step is 2^-bits of the format's own, so that
+                  * activations need 16 + bits bits */
+    int by_unit; /* 1: each input of a layer has its own step, up to
+                  * 2^7 times finer, with which its `most` still
+                  * fits in 2^14 steps */
+    double most[SAGA_N_NETS][SAGA_MAX_NET_LAYERS]
+               [SAGA_MAX_VECTOR]; /* largest
+                                   * magnitude of each input of a layer, in the
+                                   * format's own steps, since it was cleared */
 } ref_rounding;
 
 typedef struct ref_nets {
     const saga_model *model;
-    ref_rounding *rounding;  /* owned by the caller, or NULL */
+    ref_rounding *rounding; /* owned by the caller, or NULL */
     saga_net_shape shape[SAGA_N_NETS];
     double *weight[SAGA_N_NETS][SAGA_MAX_NET_LAYERS]; /* (n_out, n_in) */
     double *bias[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
-    double in_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* value of an
-                              * integer input's last place */
-    double out_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* value of an
-                              * integer output's last place */
+    double in_unit[SAGA_N_NETS]
+                  [SAGA_MAX_VECTOR]; /* value of an
+                                      * integer input's last place */
+    double out_unit[SAGA_N_NETS]
+                   [SAGA_MAX_VECTOR]; /* value of an
+                                       * integer output's last place */
 } ref_nets;
 
 /* Copies the parameters from a decoded block, and the formats of rows from the

@@ -44,7 +44,7 @@ void ref_fine_suffix(double o[4], const ref_scene *s, uint32_t rank)
 {
     for (uint32_t i = 0; i < 4; i++)
         o[i] = ref_suffix_axis(s->file->s.fine_suffix[rank],
-                           s->model->tier[SAGA_TIER_COARSE].suffix_bits, i);
+                               s->model->tier[SAGA_TIER_COARSE].suffix_bits, i);
 }
 
 const saga_coarse *ref_cell_of(const ref_scene *s, uint32_t fine)
@@ -53,7 +53,7 @@ const saga_coarse *ref_cell_of(const ref_scene *s, uint32_t fine)
 }
 
 void ref_fine_place(double x[4], const ref_scene *s, uint32_t rank,
-                       const double o[4])
+                    const double o[4])
 {
     const saga_coarse *const c = ref_cell_of(s, rank);
     double h[4];
@@ -76,7 +76,8 @@ static void place_of(double x[4], double l[4], const ref_scene *s, int table,
                      uint32_t rank)
 {
     const saga_coarse *const c = table == REF_TABLE_COARSE
-        ? &s->file->sc.coarse[rank] : ref_cell_of(s, rank);
+                                     ? &s->file->sc.coarse[rank]
+                                     : ref_cell_of(s, rank);
 
     if (table == REF_TABLE_COARSE)
         memcpy(x, s->centre[rank], 4 * sizeof *x);
@@ -92,8 +93,7 @@ static void place_of(double x[4], double l[4], const ref_scene *s, int table,
 /* Returns feature i of an anchor, as interpolation reads it. The table CONTEXT
  * is for the entropy networks of primitives: their features of a fine anchor
  * are the residual of its offset, its number of primitives, and zeros. */
-double ref_feature_of(const ref_scene *s, int table, uint32_t rank,
-                         uint32_t i)
+double ref_feature_of(const ref_scene *s, int table, uint32_t rank, uint32_t i)
 {
     const uint32_t f = s->model->features;
 
@@ -101,15 +101,17 @@ double ref_feature_of(const ref_scene *s, int table, uint32_t rank,
         return s->coarse_feature[(size_t)rank * f + i];
     if (table == REF_TABLE_FINE)
         return s->fine_feature[(size_t)rank * f + i];
-    return i < 4 ? s->residual[rank][i]
-         : i == 4 ? s->file->sc.fine[rank].n_prim / 16.0 : 0;
+    return i < 4    ? s->residual[rank][i]
+           : i == 4 ? s->file->sc.fine[rank].n_prim / 16.0
+                    : 0;
 }
 
 double ref_table_unit(const ref_scene *s, int table, uint32_t i)
 {
     return table == REF_TABLE_CONTEXT ? REF_Q14
-         : table == REF_TABLE_FINE ? s->nets.out_unit[SAGA_NET_FINE][i]
-         : ldexp(1, -s->model->out_q[SAGA_OUT_COARSE]);
+           : table == REF_TABLE_FINE
+               ? s->nets.out_unit[SAGA_NET_FINE][i]
+               : ldexp(1, -s->model->out_q[SAGA_OUT_COARSE]);
 }
 
 static double distance(const ref_scene *s, int table, const ref_block *b,
@@ -132,10 +134,11 @@ static double distance(const ref_scene *s, int table, const ref_block *b,
 
 /* out = sum_k softmax_k(-distance_k) feature_k over the neighbours k. */
 void ref_interpolate(double *out, const ref_scene *s, int table,
-                        const ref_block *b, const saga_neighbours *nb)
+                     const ref_block *b, const saga_neighbours *nb)
 {
-    const saga_tier *const tier = &s->model->tier[table == REF_TABLE_COARSE
-        ? SAGA_TIER_COARSE : SAGA_TIER_FINE];
+    const saga_tier *const tier =
+        &s->model->tier[table == REF_TABLE_COARSE ? SAGA_TIER_COARSE
+                                                  : SAGA_TIER_FINE];
     double weight[SAGA_MAX_NEIGHBOURS], least = INFINITY, sum = 0;
 
     /* The softmax is taken relative to the least distance, so that no weight
@@ -151,16 +154,15 @@ void ref_interpolate(double *out, const ref_scene *s, int table,
     for (uint32_t i = 0; i < s->model->features; i++) {
         out[i] = 0;
         for (uint32_t k = 0; k < nb->n; k++)
-            out[i] += weight[k] / sum * ref_feature_of(s, table, nb->rank[k],
-                                                       i);
+            out[i] += weight[k] / sum *
+                      ref_feature_of(s, table, nb->rank[k], i);
         out[i] = ref_saturate(out[i], ref_table_unit(s, table, i));
     }
 }
 
 /* --- Integer positions, from which the neighbours are found --------------- */
 
-static void integer_suffix(saga_position *p, const ref_scene *s,
-                           uint32_t rank)
+static void integer_suffix(saga_position *p, const ref_scene *s, uint32_t rank)
 {
     double o[4];
     int16_t o_q14[4];
@@ -173,7 +175,7 @@ static void integer_suffix(saga_position *p, const ref_scene *s,
 }
 
 void ref_coarse_at_fine(double *out, const ref_scene *s, const ref_block *b,
-                           int is_known)
+                        int is_known)
 {
     saga_neighbours nb;
     saga_position p;
@@ -210,7 +212,8 @@ void ref_block_make(ref_block *b, const ref_scene *s, int kind, uint32_t rank)
 {
     const saga_scaffold *const sc = &s->file->sc;
     const saga_coarse *const c = kind == SAGA_KIND_COARSE
-        ? &sc->coarse[rank] : ref_cell_of(s, rank);
+                                     ? &sc->coarse[rank]
+                                     : ref_cell_of(s, rank);
     double o[4];
 
     b->kind = kind;

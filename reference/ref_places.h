@@ -16,9 +16,9 @@
  * interpolated. */
 typedef struct {
     double x[4], support[4], log2_size[4];
-    double count;            /* children of the anchor, or for kind FINE of its
-                              * parent */
-    uint32_t rank, parent;   /* ranks of the anchor and of its coarse anchor */
+    double count;          /* children of the anchor, or for kind FINE of its
+                            * parent */
+    uint32_t rank, parent; /* ranks of the anchor and of its coarse anchor */
     int kind;
 } ref_block;
 
@@ -53,8 +53,7 @@ void ref_block_make(ref_block *b, const ref_scene *s, int kind, uint32_t rank);
 
 /* Return channel i of an anchor's row in a table, and the unit of one last
  * place of that channel. */
-double ref_feature_of(const ref_scene *s, int table, uint32_t rank,
-                      uint32_t i);
+double ref_feature_of(const ref_scene *s, int table, uint32_t rank, uint32_t i);
 double ref_table_unit(const ref_scene *s, int table, uint32_t i);
 
 /* Set out to F features interpolated at a block: from the given neighbours;

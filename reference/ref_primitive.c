@@ -65,8 +65,8 @@ void ref_primitive_make(ref_primitive *p, const saga_model *m,
     for (int i = 0; i < 3; i++) {
         p->mean[i] = x[i];
         p->support[i] = support[i];
-        p->log2_scale[i] = ref_saturate(value(out, &rows[SAGA_OUT_SCALE], i) +
-                                        log2_half[i], 1 / 1024.0);
+        p->log2_scale[i] = ref_saturate(
+            value(out, &rows[SAGA_OUT_SCALE], i) + log2_half[i], 1 / 1024.0);
         for (int k = 0; k < 3; k++)
             p->motion[3 * k + i] = value(out, &rows[SAGA_OUT_MOTION1 + k], i);
     }
@@ -78,11 +78,15 @@ void ref_primitive_make(ref_primitive *p, const saga_model *m,
                               ldexp(1, -m->out_q[SAGA_OUT_QUAT]));
     p->opacity = value(out, &rows[SAGA_OUT_OPACITY], 0);
     p->t_centre = ref_clamp(x[3] + support[3] *
-                            value(out, &rows[SAGA_OUT_TIME], 0),
-                            SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1) / 65536;
+                                       value(out, &rows[SAGA_OUT_TIME], 0),
+                            SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1) /
+                  65536;
     p->log2_width = rows[SAGA_OUT_WIDTH].n
-        ? ref_saturate(value(out, &rows[SAGA_OUT_WIDTH], 0) +
-                       log2_half[3], 1 / 1024.0) - 16 : INFINITY;
+                        ? ref_saturate(value(out, &rows[SAGA_OUT_WIDTH], 0) +
+                                           log2_half[3],
+                                       1 / 1024.0) -
+                              16
+                        : INFINITY;
 }
 
 void ref_primitive_stand_still(ref_primitive *p)
@@ -119,15 +123,15 @@ void ref_primitive_of(ref_primitive *out, const saga_primitive *p,
     }
     for (i = 0; i < 9; i++)
         out->motion[i] = i / 3 < f->motion_order
-                             ? ldexp(p->motion[i], -f->q_motion[i / 3]) : 0;
+                             ? ldexp(p->motion[i], -f->q_motion[i / 3])
+                             : 0;
     for (i = 0; i < 4; i++) {
         out->quat[i] = ldexp(p->quat[i], -f->q_quat);
         out->slope[i] = f->has_slope ? ldexp(p->slope[i], -f->q_slope) : 0;
     }
     out->opacity = ldexp(p->opacity, -f->q_opacity);
     out->t_centre = p->t_centre / 65536.0;
-    out->log2_width = f->has_width ? p->log2_width_q10 / 1024.0 - 16
-                                   : INFINITY;
+    out->log2_width = f->has_width ? p->log2_width_q10 / 1024.0 - 16 : INFINITY;
 }
 
 void ref_animated_of(ref_animated *out, const saga_animated *a)
@@ -161,7 +165,7 @@ void ref_animate(ref_animated *out, const ref_primitive *p, double t)
             m += p->motion[3 * k + i] * pow(age, k + 1);
         m = ref_clamp(m, -524288, 524288);
         out->x[i] = ref_clamp(p->mean[i] + p->support[i] * m, -536870912.0,
-                          536870912.0);
+                              536870912.0);
         out->scale[i] = exp2(p->log2_scale[i]);
     }
     for (i = 0; i < 4; i++)

@@ -16,19 +16,19 @@
 
 /* Space has any unit; the unit of time is a segment. */
 typedef struct ref_primitive {
-    double mean[3];          /* position at t_centre */
+    double mean[3];           /* position at t_centre */
     double quat[4], slope[4]; /* slope: change of quat in a unit of age */
     double log2_scale[3];
-    double opacity;          /* logit in log2 units */
+    double opacity;               /* logit in log2 units */
     double support[3], motion[9]; /* motion in supports per age^order */
-    double t_centre, log2_width; /* log2_width INFINITY: it never fades */
+    double t_centre, log2_width;  /* log2_width INFINITY: it never fades */
 } ref_primitive;
 
 typedef struct ref_animated {
-    double x[3];             /* box units */
-    double quat[4];          /* unit length */
-    double scale[3];         /* standard deviations, box units */
-    double q0;               /* 3 - log2 of the peak opacity */
+    double x[3];     /* box units */
+    double quat[4];  /* unit length */
+    double scale[3]; /* standard deviations, box units */
+    double q0;       /* 3 - log2 of the peak opacity */
 } ref_animated;
 
 /* Computes a primitive from the outputs of F_geo. The position x and the
@@ -52,12 +52,12 @@ void ref_animated_of(ref_animated *out, const saga_animated *a);
 /* A row of `saga verify` for an attribute of primitives. */
 typedef struct ref_field {
     const char *name, *unit;
-    size_t at;               /* its offset in ref_primitive */
-    int out, n_outs;         /* n_outs outputs from SAGA_OUT_* on give it */
-    int n;                   /* number of values if n_outs is 0; otherwise the
-                              * file's rows of these outputs are counted */
-    int q;                   /* the decoder's Q format; -1: the header has it,
-                              * with the first output */
+    size_t at;       /* its offset in ref_primitive */
+    int out, n_outs; /* n_outs outputs from SAGA_OUT_* on give it */
+    int n;           /* number of values if n_outs is 0; otherwise the
+                      * file's rows of these outputs are counted */
+    int q;           /* the decoder's Q format; -1: the header has it,
+                      * with the first output */
     bool is_temporal;
 } ref_field;
 

@@ -111,8 +111,9 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
         break;
     default:
         /* A row shift comes in two symbols: shift / 8, then shift % 8. */
-        layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
-            ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
+        layer_of(r, at)->shift[at.row] =
+            (uint8_t)(at.column ? layer_of(r, at)->shift[at.row] | sym
+                                : sym << 3);
     }
 }
 
@@ -160,8 +161,8 @@ void recorder_init(recorder *r, saga_coder *inner)
 
 /* --- Memory -------------------------------------------------------------- */
 
-void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
-                            uint32_t features, uint32_t cap_nodes)
+void recorder_alloc_symbols(saga_symbols *s, saga_counts n, uint32_t features,
+                            uint32_t cap_nodes)
 {
     memset(s, 0, sizeof *s);
     s->n = n;
@@ -216,7 +217,9 @@ recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
 {
     const recorder_chunks at = { bytes + h->header_nbytes,
                                  n - h->header_nbytes,
-                                 saga_head_crc(h, bytes), 1, { 0 } };
+                                 saga_head_crc(h, bytes),
+                                 1,
+                                 { 0 } };
 
     return at;
 }
@@ -331,9 +334,8 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
                   const saga_scaffold *sc, uint32_t final_range[3],
                   recorder_chunks at)
 {
-    static const uint32_t type[3] = {
-        SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
-    };
+    static const uint32_t type[3] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+                                      SAGA_CHUNK_PRIM };
     int part, ok = 1;
 
     saga_syntax_begin(sc);
@@ -341,15 +343,13 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
     for (part = 0; part < 3 && ok; part++) {
         saga_range_dec range;
         saga_chunk chunk;
-        const uint8_t *const payload = recorder_chunk(&chunk, type[part],
-                                                      &at);
+        const uint8_t *const payload = recorder_chunk(&chunk, type[part], &at);
 
         if (!payload)
             return 0;
         saga_range_dec_init(&range, payload, chunk.nbytes);
         *inner = &range.coder;
-        ok = saga_syntax_part(sc, part, front) &&
-             saga_range_dec_finish(&range);
+        ok = saga_syntax_part(sc, part, front) && saga_range_dec_finish(&range);
         final_range[part] = range.range;
     }
     *inner = NULL;
@@ -357,9 +357,9 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
 }
 
 static int read_scaffold(const saga_header *h, const saga_nets *nets,
-                       const uint8_t *params, saga_symbols *s, saga_counts n,
-                       uint32_t final_range[3], const recorder *like,
-                       recorder_chunks at)
+                         const uint8_t *params, saga_symbols *s, saga_counts n,
+                         uint32_t final_range[3], const recorder *like,
+                         recorder_chunks at)
 {
     saga_scaffold sc;
     recorder r;
@@ -391,8 +391,7 @@ static int read_base(const saga_header *h, const saga_nets *nets,
     int ok;
 
     at.n = h->base_nbytes;
-    ok = read_scaffold(h, nets, params, &s, h->base, final_range, &nobody,
-                       at);
+    ok = read_scaffold(h, nets, params, &s, h->base, final_range, &nobody, at);
     if (wanted)
         *wanted = s;
     else
@@ -407,8 +406,7 @@ static int read_nets(saga_net_symbols *out, const saga_header *h,
     saga_range_dec range;
     saga_chunk chunk;
     recorder r;
-    const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS,
-                                                  at);
+    const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS, at);
 
     if (!payload || chunk.nbytes != h->nets_nbytes)
         return 0;
@@ -429,8 +427,7 @@ static int find_segment(saga_segment *seg, uint32_t number,
     uint32_t frame = 0;
 
     /* To find the last frame, saga_find has to read the whole index. */
-    if (number >= h->n_segments ||
-        saga_find(seg, bytes, n, h->n_frames - 1, 1))
+    if (number >= h->n_segments || saga_find(seg, bytes, n, h->n_frames - 1, 1))
         return 0;
     do {
         if (saga_find(seg, bytes, n, frame, 1))
@@ -465,8 +462,7 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     params = aligned_alloc(16, plan.nets.nbytes + 16);
     ok = params && read_nets(nets, &h, &plan.nets, params, &at);
     if (ok && (h.model.tools & SAGA_TOOL_BASE))
-        ok = read_base(&h, &plan.nets, params,
-                       is_base ? segment : NULL, at);
+        ok = read_base(&h, &plan.nets, params, is_base ? segment : NULL, at);
     at = recorder_segment_chunks(&h, bytes, &seg);
     /* A file that ends early may still have all bytes of its first layers. */
     if (at.n > n - seg.offset)
@@ -490,16 +486,15 @@ int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
     return read_file(nets, segment, number, final_range, &nobody, bytes, n);
 }
 
-int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
-                  size_t n)
+int recorder_compare(recorder_watch *watch, void *user, const uint8_t *bytes,
+                     size_t n)
 {
     const recorder like = { .watch = watch, .user = user };
     saga_net_symbols nets;
     saga_symbols s;
     saga_header h;
     uint32_t final_range[3], i;
-    int ok = !saga_head_read(&h, bytes, n) &&
-             h.more_layers < SAGA_MAX_LAYERS;
+    int ok = !saga_head_read(&h, bytes, n) && h.more_layers < SAGA_MAX_LAYERS;
 
     for (i = 0; ok && i < saga_n_layers(&h); i++) {
         memset(&nets, 0, sizeof nets);

@@ -26,23 +26,23 @@ typedef void recorder_watch(void *user, const saga_scaffold *sc, saga_at at,
 typedef struct recorder {
     saga_coder coder;
     saga_coder *inner;
-    recorder_watch *watch;       /* or NULL */
+    recorder_watch *watch; /* or NULL */
     void *user;
-    const saga_scaffold *sc;     /* handed to the watch */
-    saga_symbols *s;             /* its arrays have room for their counts */
+    const saga_scaffold *sc; /* handed to the watch */
+    saga_symbols *s;         /* its arrays have room for their counts */
     uint32_t cap_nodes;
-    saga_net_symbols *nets;      /* its arrays have room for the shapes */
+    saga_net_symbols *nets; /* its arrays have room for the shapes */
     const saga_nets *shapes;
     uint32_t features;
-    uint64_t n_symbols;          /* number of symbols decoded so far */
+    uint64_t n_symbols; /* number of symbols decoded so far */
 } recorder;
 
 void recorder_init(recorder *r, saga_coder *inner);
 
 /* Allocate the arrays for the counts n, and for networks of the given shapes;
  * exit if memory is missing. */
-void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
-                            uint32_t features, uint32_t cap_nodes);
+void recorder_alloc_symbols(saga_symbols *s, saga_counts n, uint32_t features,
+                            uint32_t cap_nodes);
 void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
 void recorder_free_symbols(saga_symbols *s);
 
@@ -52,7 +52,7 @@ typedef struct recorder_chunks {
     size_t n;
     uint32_t owner;
     int in_head;
-    saga_segment wanted;         /* the segment, if these are its chunks */
+    saga_segment wanted; /* the segment, if these are its chunks */
 } recorder_chunks;
 
 /* Return the chunks after a file's header, and those of a segment. */
@@ -113,7 +113,7 @@ int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
                   const uint8_t *bytes, size_t n);
 
 /* Decodes all layers of segment 0 and calls the watch; keeps no symbols. */
-int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
-                  size_t n);
+int recorder_compare(recorder_watch *watch, void *user, const uint8_t *bytes,
+                     size_t n);
 
 #endif

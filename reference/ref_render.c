@@ -129,8 +129,9 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
         s->mean[i] = p + f * slope[i];
         if (fabs(slope[i]) >= 8 || fabs(s->mean[i] - size[i] / 2) > 32768)
             return 0;
-        slope[i] = (clamp(s->mean[i], -border * size[i],
-                          (1 + border) * size[i]) - p) / f;
+        slope[i] =
+            (clamp(s->mean[i], -border * size[i], (1 + border) * size[i]) - p) /
+            f;
     }
     affine(t, a, c, slope, v[2]);
     covariance(s, t);
@@ -153,7 +154,8 @@ static double reach_of(double rest, uint32_t tools)
 double ref_q(const ref_splat *s, double dx, double dy)
 {
     const double form = (s->cov[2] * dx * dx - 2 * s->cov[1] * dx * dy +
-                         s->cov[0] * dy * dy) / s->det;
+                         s->cov[0] * dy * dy) /
+                        s->det;
 
     return s->q0 + fall(log2_e / 2 * form, s->tools);
 }
@@ -173,8 +175,7 @@ void ref_box(int box[4], const ref_splat *s, const saga_camera *c)
     const double reach = sqrt(reach_of(rest, s->tools));
 
     bounds(&box[0], &box[2], s->mean[0],
-           g > 0 && h > 0 ? reach * hypot(h, n) / (g * h) : INFINITY,
-           c->width);
+           g > 0 && h > 0 ? reach * hypot(h, n) / (g * h) : INFINITY, c->width);
     bounds(&box[1], &box[3], s->mean[1], h > 0 ? reach / h : INFINITY,
            c->height);
 }
@@ -198,8 +199,7 @@ int ref_blends(double trans, double q)
     return q < SAGA_CUT_LOG2 && trans >= SAGA_T_FLOOR_Q16 / 65536.0;
 }
 
-void ref_blend_pixel(double rgb[3], double *trans, const ref_splat *s,
-                     double q)
+void ref_blend_pixel(double rgb[3], double *trans, const ref_splat *s, double q)
 {
     const double w = ref_alpha(q) * *trans;
     int k;
@@ -274,8 +274,8 @@ void ref_sort(uint32_t *order, const ref_splat *splats, uint32_t n)
 
 static double sample(const saga_picture *pic, int x, int y, int k)
 {
-    const uint8_t *const line =
-        (const uint8_t *)pic->rgb + (size_t)y * pic->stride_nbytes;
+    const uint8_t *const line = (const uint8_t *)pic->rgb +
+                                (size_t)y * pic->stride_nbytes;
 
     if (pic->bits == 8)
         return line[3 * x + k];
@@ -408,8 +408,10 @@ void ref_depth_exact(const saga_picture *pic, const saga_camera *c,
 
     for (y = 0; y < c->height; y++)
         for (x = 0; x < c->width; x++) {
-            saga_depth *const to = (saga_depth *)(void *)(
-                (uint8_t *)pic->rgb + (size_t)y * pic->stride_nbytes) + x;
+            saga_depth *const to =
+                (saga_depth *)(void *)((uint8_t *)pic->rgb +
+                                       (size_t)y * pic->stride_nbytes) +
+                x;
             uint64_t unused[3] = { 0, 0, 0 };
             uint32_t t = 65536, before;
 

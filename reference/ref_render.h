@@ -22,15 +22,15 @@
 /* --- In double ----------------------------------------------------------- */
 
 typedef struct ref_splat {
-    double mean[2];          /* pixels */
-    double cov[3];           /* A = var x, B, C = var y, low-pass included */
-    double det;              /* determinant of cov */
-    double chol[3];          /* g, n, h: the Cholesky factor of the conic with
-                              * which it is drawn */
+    double mean[2]; /* pixels */
+    double cov[3];  /* A = var x, B, C = var y, low-pass included */
+    double det;     /* determinant of cov */
+    double chol[3]; /* g, n, h: the Cholesky factor of the conic with
+                     * which it is drawn */
     double q0, depth;
-    double colour[3];        /* 0..1 */
-    uint32_t tools;          /* the file's SAGA_TOOL_*; ref_project sets 0, then
-                              * the caller sets them */
+    double colour[3]; /* 0..1 */
+    uint32_t tools;   /* the file's SAGA_TOOL_*; ref_project sets 0, then
+                       * the caller sets them */
 } ref_splat;
 
 /* Converts the decoder's integers to double, so that one stage can be tested

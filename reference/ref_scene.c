@@ -89,8 +89,7 @@ static void correct(double *out, const ref_scene *s, int net,
     const saga_net_shape *const shape = &s->nets.shape[net];
 
     for (uint32_t k = 0; k < shape->dim[shape->n_layers]; k++)
-        out[k] = ref_saturate(out[k] + correction[k],
-                              s->nets.out_unit[net][k]);
+        out[k] = ref_saturate(out[k] + correction[k], s->nets.out_unit[net][k]);
 }
 
 static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
@@ -175,14 +174,16 @@ void ref_scene_shade(double rgb[3], const ref_scene *s, uint32_t prim,
 double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour)
 {
     return s->model->tools & SAGA_TOOL_VIEW
-        ? colour * s->nets.out_unit[SAGA_NET_COLOUR_BASE][i % s->n_colour]
-        : (uint16_t)colour / 32768.0;
+               ? colour *
+                     s->nets.out_unit[SAGA_NET_COLOUR_BASE][i % s->n_colour]
+               : (uint16_t)colour / 32768.0;
 }
 
 double ref_step_unit(const ref_scene *s, int step)
 {
     return step == SAGA_STEP_FEATURE
-        ? ldexp(1, -s->model->out_q[SAGA_OUT_COARSE]) : REF_Q14;
+               ? ldexp(1, -s->model->out_q[SAGA_OUT_COARSE])
+               : REF_Q14;
 }
 
 static void reset_anchors(ref_scene *s)
@@ -280,16 +281,17 @@ bool ref_scene_make(ref_scene *s, const ref_file *f,
     s->file = f;
     s->model = &f->h.model;
     s->n_colour = s->model->tools & SAGA_TOOL_VIEW
-        ? s->model->width[SAGA_NET_COLOUR] : 3;
+                      ? s->model->width[SAGA_NET_COLOUR]
+                      : 3;
     /* The arrays of anchors are followed by those of primitives, and those by
      * the entropy model's predictions for each step. */
-    s->centre = (double (*)[4])doubles(n.coarse, 4, error);
+    s->centre = (double(*)[4])doubles(n.coarse, 4, error);
     s->coarse_feature = doubles(n.coarse, features, error);
-    s->residual = (double (*)[4])doubles(n.fine, 4, error);
-    s->local = (double (*)[4])doubles(n.fine, 4, error);
+    s->residual = (double(*)[4])doubles(n.fine, 4, error);
+    s->local = (double(*)[4])doubles(n.fine, 4, error);
     s->fine_feature = doubles(n.fine, features, error);
-    s->log2_support = (double (*)[4])doubles(n.fine, 4, error);
-    s->offset = (double (*)[4])doubles(n.prim, 4, error);
+    s->log2_support = (double(*)[4])doubles(n.fine, 4, error);
+    s->offset = (double(*)[4])doubles(n.prim, 4, error);
     s->colour = doubles(n.prim, s->n_colour, error);
     s->prim = saga_alloc(n.prim, sizeof *s->prim, "the reference", error);
     for (int step = 0; step < SAGA_N_STEPS; step++) {

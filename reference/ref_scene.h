@@ -21,22 +21,22 @@ typedef struct ref_scene {
     const ref_file *file;
     const saga_model *model;
     ref_nets nets;
-    saga_scaffold before;    /* the scaffold with fine anchors' supports as they
-                              * were while fine anchors were decoded */
-    double (*centre)[4];     /* (coarse) as coded: box units, 1/65536 segment */
-    double *coarse_feature;  /* (coarse, F) */
-    double (*residual)[4];   /* (fine) residual of the offset, in half-sizes of
-                              * the parent's cell */
-    double (*local)[4];      /* (fine) offset o, half-sizes of parent's cell */
-    double *fine_feature;    /* (fine, F) */
+    saga_scaffold before;   /* the scaffold with fine anchors' supports as they
+                             * were while fine anchors were decoded */
+    double (*centre)[4];    /* (coarse) as coded: box units, 1/65536 segment */
+    double *coarse_feature; /* (coarse, F) */
+    double (*residual)[4];  /* (fine) residual of the offset, in half-sizes of
+                             * the parent's cell */
+    double (*local)[4];     /* (fine) offset o, half-sizes of parent's cell */
+    double *fine_feature;   /* (fine, F) */
     double (*log2_support)[4]; /* (fine) log2 l_f */
-    double (*offset)[4];     /* (prim) offset o, in units of l_f */
-    ref_primitive *prim;     /* (prim) */
-    double *colour;          /* (prim, n_colour) colours 0..1, or with the tool
-                              * VIEW what F_color's first layer gives before its
-                              * ReLU, without the direction's part */
+    double (*offset)[4];       /* (prim) offset o, in units of l_f */
+    ref_primitive *prim;       /* (prim) */
+    double *colour; /* (prim, n_colour) colours 0..1, or with the tool
+                     * VIEW what F_color's first layer gives before its
+                     * ReLU, without the direction's part */
     uint32_t n_colour;
-    double *mu[SAGA_N_STEPS];  /* predictions, in the order of ref_file's */
+    double *mu[SAGA_N_STEPS];    /* predictions, in the order of ref_file's */
     double *scale[SAGA_N_STEPS]; /* indices of the distribution, not rounded */
 } ref_scene;
 

@@ -41,8 +41,7 @@ static bool read_part(session *s, const uint8_t *bytes, size_t n,
                       const saga_segment *seg, uint32_t layer)
 {
     part *const p = &s->part[s->n_parts++];
-    const char *const why = ref_file_read_layer(&p->file, bytes, n, seg,
-                                                layer);
+    const char *const why = ref_file_read_layer(&p->file, bytes, n, seg, layer);
 
     if (why)
         return saga_fail(s->error, s->name, "copy the file again", "%s", why);
@@ -56,8 +55,8 @@ static void reconstruct(session *s, const part *p)
 {
     saga_primitive *const prim = s->e.prim + p->first;
 
-    saga_reconstruct(&p->file.sc, prim, s->e.colour +
-                     (size_t)p->first * s->e.stride, s->e.stride);
+    saga_reconstruct(&p->file.sc, prim,
+                     s->e.colour + (size_t)p->first * s->e.stride, s->e.stride);
     if (p->file.is_base)
         saga_stand_still(prim, p->file.sc.n.prim);
 }
@@ -96,8 +95,7 @@ static void project_all(session *s)
     for (uint32_t i = 0; i < n_prims(s); i++) {
         saga_animate(&e->moved[i], &e->prim[i], &e->format, s->v->t);
         e->visible[i] = (uint8_t)saga_project(&e->splat[i], &e->moved[i],
-                                              s->camera,
-                                              e->format.tools);
+                                              s->camera, e->format.tools);
         if (e->visible[i])
             shade(s, i);
         s->v->n_splats += e->visible[i];
@@ -111,7 +109,9 @@ static saga_status draw(session *s, saga_decoder *dec)
     const saga_camera *const c = s->camera;
     const size_t stride = 3 * (size_t)c->width;
     const saga_picture picture = { s->e.rgb, stride, stride * c->height, 8 };
-    saga_job job = { .x1 = c->width, .y1 = c->height, .tile = TILE,
+    saga_job job = { .x1 = c->width,
+                     .y1 = c->height,
+                     .tile = TILE,
                      .list_capacity = LIST,
                      .scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST) };
     saga_status status = SAGA_AGAIN;
@@ -206,7 +206,7 @@ static void tell(const session *s, int from, const char *doing)
         s->progress(s->user, (double)from / SAGA_VERIFY_N_STAGES, doing);
 }
 
-static bool run(session *s, int from)
+static bool verify_segments(session *s, int from)
 {
     const int is_chain = from == SAGA_VERIFY_SYMBOLS;
 
@@ -234,7 +234,7 @@ static bool run(session *s, int from)
 static bool run_all(session *s)
 {
     for (int from = 0; from < SAGA_VERIFY_N_STAGES; from++)
-        if (!run(s, from))
+        if (!verify_segments(s, from))
             return false;
     for (int i = 0; i < s->v->n_rows; i++) {
         verify_finish(&s->v->row[i].alone, &s->alone[i]);
@@ -308,8 +308,11 @@ bool saga_verify_file(saga_verify *v, const char *name, const uint8_t *bytes,
                       size_t nbytes, const saga_verify_view *view,
                       saga_error *error)
 {
-    session s = { .v = v, .name = name, .camera = &view->camera,
-                  .progress = view->progress, .user = view->user,
+    session s = { .v = v,
+                  .name = name,
+                  .camera = &view->camera,
+                  .progress = view->progress,
+                  .user = view->user,
                   .error = error };
     saga_info info;
     saga_segment seg;
@@ -320,8 +323,8 @@ bool saga_verify_file(saga_verify *v, const char *name, const uint8_t *bytes,
     if (status == SAGA_OK)
         status = saga_find(&seg, bytes, nbytes, view->frame_num,
                            view->frame_den);
-    if (status == SAGA_OK && (seg.offset > nbytes ||
-                              seg.nbytes > nbytes - seg.offset))
+    if (status == SAGA_OK &&
+        (seg.offset > nbytes || seg.nbytes > nbytes - seg.offset))
         status = SAGA_ERR_TRUNCATED;
     if (status)
         return refuse(&s, status);

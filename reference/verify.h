@@ -18,11 +18,11 @@
 #include <stdint.h>
 
 enum {
-    SAGA_VERIFY_SYMBOLS,     /* predictions, and the values decoded with them */
-    SAGA_VERIFY_SCAFFOLD,    /* fine anchors: features, supports */
+    SAGA_VERIFY_SYMBOLS,  /* predictions, and the values decoded with them */
+    SAGA_VERIFY_SCAFFOLD, /* fine anchors: features, supports */
     SAGA_VERIFY_PRIMITIVES,
-    SAGA_VERIFY_ANIMATION,   /* primitives at the picture's time */
-    SAGA_VERIFY_SPLATS,      /* primitives projected into the camera */
+    SAGA_VERIFY_ANIMATION, /* primitives at the picture's time */
+    SAGA_VERIFY_SPLATS,    /* primitives projected into the camera */
     SAGA_VERIFY_PIXELS,
     SAGA_VERIFY_N_STAGES
 };
@@ -34,34 +34,34 @@ extern const char *const saga_verify_stage[SAGA_VERIFY_N_STAGES];
 typedef struct saga_verify_error {
     uint64_t n;
     double max, rms;
-    double psnr;             /* 20 log10(largest reference / rms), INFINITY
-                              * if nothing differs */
+    double psnr; /* 20 log10(largest reference / rms), INFINITY
+                  * if nothing differs */
 } saga_verify_error;
 
 typedef struct saga_verify_row {
     int stage;
     const char *name, *unit;
-    double step;             /* one last place of the integers, in units; for
-                              * features that of the coarsest channel */
+    double step; /* one last place of the integers, in units; for
+                  * features that of the coarsest channel */
     saga_verify_error alone, chain;
 } saga_verify_row;
 
 /* The decoder's 8-bit picture compared with a picture in double. Differences
  * are in levels of 255. */
 typedef struct saga_verify_picture {
-    double psnr;             /* against the double picture rounded to 8 bits */
-    double psnr_real;        /* against the double picture itself */
-    double rms;              /* rms difference of the integer picture before it
-                              * is rounded to 8 bits */
-    int max;                 /* largest difference from the rounded double
-                              * picture */
-    uint64_t n_far;          /* samples that differ from it by more than 1 */
-    double max_real;         /* largest difference from the double picture
-                              * itself */
-    uint64_t n_cut, n_stop;  /* pixels where one picture blends a splat and the
-                              * other does not, because of the cut or the stop
-                              */
-    double psnr_same;        /* psnr and max over all other pixels */
+    double psnr;            /* against the double picture rounded to 8 bits */
+    double psnr_real;       /* against the double picture itself */
+    double rms;             /* rms difference of the integer picture before it
+                             * is rounded to 8 bits */
+    int max;                /* largest difference from the rounded double
+                             * picture */
+    uint64_t n_far;         /* samples that differ from it by more than 1 */
+    double max_real;        /* largest difference from the double picture
+                             * itself */
+    uint64_t n_cut, n_stop; /* pixels where one picture blends a splat and the
+                             * other does not, because of the cut or the stop
+                             */
+    double psnr_same;       /* psnr and max over all other pixels */
     int max_same;
 } saga_verify_picture;
 
@@ -72,12 +72,14 @@ typedef struct saga_verify {
     uint32_t n_splats_otherwise; /* splats that only one picture blends */
     uint64_t n_pixels;
     uint32_t segment;
-    int32_t t;               /* time of the picture, in 1/65536 of the
-                              * segment */
+    int32_t t; /* time of the picture, in 1/65536 of the
+                * segment */
     saga_verify_row row[SAGA_VERIFY_MAX_ROWS];
     int n_rows;
-    saga_verify_picture picture[SAGA_VERIFY_N_STAGES]; /* [i]: the stages before
-                              * i in integers, i and later stages in double */
+    saga_verify_picture
+        picture[SAGA_VERIFY_N_STAGES]; /* [i]: the stages before
+                                        * i in integers, i and later stages in
+                                        * double */
 } saga_verify;
 
 /* A function like the trainer's saga_progress_fn; its result is ignored. */

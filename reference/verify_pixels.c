@@ -28,7 +28,9 @@ static void sort(session *s)
         if (s->e.visible[i] || s->r.visible[i]) {
             c->order[c->n_order].prim = i;
             c->order[c->n_order++].depth = s->e.visible[i]
-                ? s->e.splat[i].depth : floor(s->r.splat[i].depth + 0.5);
+                                               ? s->e.splat[i].depth
+                                               : floor(s->r.splat[i].depth +
+                                                       0.5);
         }
     qsort(c->order, c->n_order, sizeof *c->order, by_depth);
 }
@@ -54,13 +56,13 @@ typedef struct {
     const saga_splat *exact;
     const ref_splat *real;
     column q, alpha;
-    int drew[2];             /* whether each picture has blended it anywhere */
+    int drew[2]; /* whether each picture has blended it anywhere */
 } pair;
 
 static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
 {
-    const int32_t q_q20 = p->exact ? ref_q_q20(p->exact, x, y,
-                                                   c->tools) : INT32_MAX;
+    const int32_t q_q20 = p->exact ? ref_q_q20(p->exact, x, y, c->tools)
+                                   : INT32_MAX;
     const double q = p->real ? ref_q_at(p->real, x, y) : INFINITY;
     const int one = ref_blends_exact(c->t[at], q_q20);
     const int other = ref_blends(c->trans[at], q);
@@ -68,8 +70,9 @@ static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
     /* If only one picture blends the splat and q is on the same side of the cut
      * in both, the reason is the stop. */
     if (one != other)
-        c->otherwise[at] |= (q_q20 < SAGA_CUT_LOG2 << 20) !=
-                            (q < SAGA_CUT_LOG2) ? CUT : STOP;
+        c->otherwise[at] |= (q_q20 < SAGA_CUT_LOG2 << 20) != (q < SAGA_CUT_LOG2)
+                                ? CUT
+                                : STOP;
     if (one && other && p->q.to) {
         note(p->q, q_q20 / 1048576.0, q);
         note(p->alpha, ref_alpha_q16(q_q20) / 65536.0, ref_alpha(q));
@@ -164,9 +167,11 @@ void verify_pixels(session *s, int from)
              * double; then follow the decoder's 8-bit sample and the double
              * rounded to 8 bits. */
             const double norm = ((double)s->c.sum[i][k] +
-                (double)s->c.t[i] * cam->background_q15[k]) / 2147483648.0;
-            const double value = 255 * (s->c.rgb[i][k] + s->c.trans[i] *
-                                        cam->background_q15[k] / 32768.0);
+                                 (double)s->c.t[i] * cam->background_q15[k]) /
+                                2147483648.0;
+            const double value = 255 * (s->c.rgb[i][k] +
+                                        s->c.trans[i] * cam->background_q15[k] /
+                                            32768.0);
             const int drawn_as = s->e.rgb[3 * i + (size_t)k];
             const double near = ref_clamp(floor(value + 0.5), 0, 255);
 
@@ -194,8 +199,7 @@ bool verify_norm(session *s)
 {
     const saga_camera *const c = s->camera;
     const size_t stride = 3 * (size_t)c->width;
-    uint8_t *const rgb = saga_alloc(s->v->n_pixels, 3, "the picture",
-                                    s->error);
+    uint8_t *const rgb = saga_alloc(s->v->n_pixels, 3, "the picture", s->error);
     const saga_picture pic = { rgb, stride, stride * c->height, 8 };
     bool ok = rgb != NULL;
 
@@ -204,8 +208,10 @@ bool verify_norm(session *s)
 
         ref_store_exact(&pic, c, x, y, s->c.sum[i], s->c.t[i]);
         if (memcmp(rgb + 3 * i, s->e.rgb + 3 * i, 3) != 0)
-            ok = saga_fail(s->error, s->name, "report this: the decoder is "
-                           "wrong", "pixel (%d, %d) is not the norm's", x, y);
+            ok = saga_fail(s->error, s->name,
+                           "report this: the decoder is "
+                           "wrong",
+                           "pixel (%d, %d) is not the norm's", x, y);
     }
     free(rgb);
     return ok;

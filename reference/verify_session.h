@@ -15,22 +15,22 @@
 /* The base or a layer. Its primitives begin at index `first`. */
 typedef struct {
     ref_file file;
-    ref_scene scene;         /* its values in double */
+    ref_scene scene; /* its values in double */
     uint32_t first;
 } part;
 
 /* The results of the integer decoder. */
 typedef struct {
-    uint32_t n;              /* primitives of all parts */
+    uint32_t n; /* primitives of all parts */
     const saga_model *model;
     saga_prim_format format;
     saga_primitive *prim;
-    int16_t *colour;         /* (prim, stride) */
+    int16_t *colour; /* (prim, stride) */
     uint32_t stride;
-    saga_animated *moved;    /* (prim) at the picture's time */
-    saga_splat *splat;       /* (prim) */
-    uint8_t *visible;        /* (prim) */
-    uint8_t *rgb;            /* the decoder's picture */
+    saga_animated *moved; /* (prim) at the picture's time */
+    saga_splat *splat;    /* (prim) */
+    uint8_t *visible;     /* (prim) */
+    uint8_t *rgb;         /* the decoder's picture */
 } exact;
 
 /* The same results computed in double. */
@@ -41,7 +41,7 @@ typedef struct {
 } real;
 
 typedef struct {
-    double sum, peak;        /* sum of squared errors; largest reference */
+    double sum, peak; /* sum of squared errors; largest reference */
 } tally;
 
 /* A splat that at least one of the two pictures blends. */
@@ -54,14 +54,14 @@ enum { CUT = 1, STOP = 2 };
 
 /* The two pictures while they are drawn. */
 typedef struct {
-    uint32_t *t;             /* T and sums of the integer reference */
+    uint32_t *t; /* T and sums of the integer reference */
     uint64_t (*sum)[3];
     double *trans, (*rgb)[3];
-    uint8_t *otherwise;      /* CUT, STOP: why only one picture blends a splat
-                              * in the pixel */
+    uint8_t *otherwise; /* CUT, STOP: why only one picture blends a splat
+                         * in the pixel */
     drawn *order;
     uint32_t n_order;
-    uint32_t tools;          /* the file's SAGA_TOOL_* */
+    uint32_t tools; /* the file's SAGA_TOOL_* */
 } canvas;
 
 typedef struct {
@@ -71,7 +71,7 @@ typedef struct {
     saga_verify_progress *progress;
     void *user;
     part part[1 + SAGA_MAX_LAYERS]; /* the base, if the file has one; the
-                              * segment's layers */
+                                     * segment's layers */
     int n_parts;
     exact e;
     real r;

@@ -10,8 +10,8 @@ column verify_row(session *s, int stage, const char *name, const char *unit,
     column c;
     int i = 0;
 
-    while (i < v->n_rows && (v->row[i].stage != stage ||
-                             strcmp(v->row[i].name, name) != 0))
+    while (i < v->n_rows &&
+           (v->row[i].stage != stage || strcmp(v->row[i].name, name) != 0))
         i++;
     if (i == v->n_rows) {
         memset(&v->row[i], 0, sizeof v->row[i]);
@@ -55,8 +55,7 @@ static void compare_symbols(session *s, const part *p, int is_alone)
 
         for (size_t i = 0; i < n; i++) {
             note(is_feature ? feature : offset,
-                 f->mu[step][i] * (is_feature ? q : q14),
-                 p->scene.mu[step][i]);
+                 f->mu[step][i] * (is_feature ? q : q14), p->scene.mu[step][i]);
             note(scale, f->scale[step][i], p->scene.scale[step][i]);
         }
     }
@@ -134,8 +133,8 @@ static void compare_primitives(session *s, int is_alone)
     compare_attributes(s, false, is_alone);
     /* Colours are compared; if they depend on the view, only the part that does
      * not. */
-    colour = verify_row(s, SAGA_VERIFY_PRIMITIVES, has_view
-                        ? "colour, first layer" : "colour", "1", unit,
+    colour = verify_row(s, SAGA_VERIFY_PRIMITIVES,
+                        has_view ? "colour, first layer" : "colour", "1", unit,
                         is_alone);
     for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
         const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
@@ -185,9 +184,8 @@ static void compare_splats(session *s, int is_alone)
 {
     enum { ST = SAGA_VERIFY_SPLATS };
     column mean = verify_row(s, ST, "mean", "pixel", 1 / 256.0, is_alone);
-    column factor = verify_row(s, ST, "factor g, n, h", "1/pixel", ldexp(1,
-                               -28),
-                               is_alone);
+    column factor = verify_row(s, ST, "factor g, n, h", "1/pixel",
+                               ldexp(1, -28), is_alone);
     column depth = verify_row(s, ST, "depth", "box unit", 1, is_alone);
     column colour = verify_row(s, ST, "colour", "1", 1 / 32768.0, is_alone);
 

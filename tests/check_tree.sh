@@ -19,7 +19,7 @@
 #               trailing blanks, and end with a newline; lines of C have at most
 #               80 columns, except in generated tables (*_tables.h)
 #   length      files of common, decoder, trainer, reference, tools and ports
-#               have at most 600 lines
+#               have at most 620 lines
 # It reads the files that git would add, or the whole folder without git.
 set -eu
 cd "${1:-$(dirname "$0")/..}"
@@ -167,7 +167,7 @@ tr '\n' '\0' <"$tmp/source" | LC_ALL=C xargs -0 awk -v lines="$tmp/lines" '
 verdict text
 
 # ---- length
-awk '$2 ~ /^(common|decoder|trainer|reference|tools|ports)\// && $1 > 600 {
+awk '$2 ~ /^(common|decoder|trainer|reference|tools|ports)\// && $1 > 620 {
          print $2 ": " $1 " lines" }' "$tmp/lines" >"$tmp/bad"
 verdict length
 

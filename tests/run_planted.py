@@ -49,7 +49,7 @@ def longer(axis, side):
 FAULTS = {
     "work without r(5)": (
         PLAN, "prim = run_macs(&c, SAGA_NET_FUSE_F) +", "prim ="),
-    "work without r(7)": (PLAN, "run_macs(&c, SAGA_NET_GEO) + ", ""),
+    "work without r(7)": (PLAN, "run_macs(&c, SAGA_NET_GEO) +", "0 +"),
     "work without r(8)": (
         PLAN, "run_macs(&c, SAGA_NET_COLOUR_BASE) +", "0 +"),
     "work without r(10)": (
@@ -146,8 +146,8 @@ FAULTS = {
         "first + i], fx_min(q[SAGA_OUT_SCALE], 15)"),
     "q_time above 15": (MAKE, "q[SAGA_OUT_TIME]);",
                         "fx_min(q[SAGA_OUT_TIME], 15));"),
-    "q_width above 15": (MAKE, "first], q[SAGA_OUT_WIDTH]",
-                         "first], fx_min(q[SAGA_OUT_WIDTH], 15)"),
+    "q_width above 15": (MAKE, "q[SAGA_OUT_WIDTH],",
+                         "fx_min(q[SAGA_OUT_WIDTH], 15),"),
     "q_colour above 15": q15(MAKE, "sc->model->out_q[SAGA_OUT_COLOUR]"),
     "principal points below 0": (
         SHAPE, "principal = c->principal_q16[axis];",

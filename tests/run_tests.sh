@@ -205,6 +205,7 @@ frozen() {
 
 tree() {
     check tree tests/check_tree.sh
+    check format tests/check_format.sh
     check docs tests/check_docs.sh
     check page python3 tests/check_page.py
     check paper python3 tests/check_paper.py

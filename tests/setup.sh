@@ -19,8 +19,8 @@ build="gcc make binutils libc6-dev clang lld pkg-config python3
     libwebp-dev libzstd-dev libopenexr-dev ffmpeg"
 check="$build libcmocka-dev"
 # `npm pack` fetches the engines that tests use.
-test="$check g++ gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
-    qemu-user-static qemu-system-arm chromium
+test="$check clang-format g++ gcc-arm-none-eabi gcc-s390x-linux-gnu
+    libc6-dev-s390x-cross qemu-user-static qemu-system-arm chromium
     $(command -v npm >/dev/null || echo npm)"
 packages="debhelper dh-python dpkg-dev lintian"
 case ${1:-build} in

@@ -92,7 +92,8 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
         else if (argv[i][0] != '-' && !o->file)
             o->file = argv[i];
         else {
-            fprintf(stderr, "saga-dec: unknown or wrong option '%s'%s%s; see "
+            fprintf(stderr,
+                    "saga-dec: unknown or wrong option '%s'%s%s; see "
                     "saga-dec --help\n",
                     argv[i], value ? " " : "", value ? value : "");
             return 0;

@@ -11,7 +11,7 @@
 typedef struct {
     const char *file, *camera, *out;
     uint32_t time_num, time_den;
-    double seconds;          /* limit of the time to decode; 0: no limit */
+    double seconds; /* limit of the time to decode; 0: no limit */
     int crc, info;
 } dec_options;
 

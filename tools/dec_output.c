@@ -43,8 +43,8 @@ static void sweep(const char *path)
         const char *const rest = e->d_name + n_base + sizeof PART - 1;
 
         if (strncmp(e->d_name, base, n_base) != 0 ||
-            strncmp(e->d_name + n_base, PART, sizeof PART - 1) != 0 ||
-            !*rest || rest[strspn(rest, "0123456789-")])
+            strncmp(e->d_name + n_base, PART, sizeof PART - 1) != 0 || !*rest ||
+            rest[strspn(rest, "0123456789-")])
             continue;
         if (snprintf(part, sizeof part, "%s%s", folder, e->d_name) <
             (int)sizeof part)
@@ -63,8 +63,8 @@ static int create_part(dec_output *out, const struct stat *old)
     for (i = 0; i < 1000 && fd < 0; i++) {
         struct stat info;
 
-        if (snprintf(out->part, sizeof out->part, "%s" PART "%ld-%d",
-                     out->path, (long)getpid(), i) >= (int)sizeof out->part)
+        if (snprintf(out->part, sizeof out->part, "%s" PART "%ld-%d", out->path,
+                     (long)getpid(), i) >= (int)sizeof out->part)
             errno = ENAMETOOLONG;
         else
             fd = open(out->part, O_WRONLY | O_CREAT | O_EXCL, 0666);
@@ -113,8 +113,8 @@ int dec_output_close(dec_output *out, int whole)
     int ok = 1, code = 0;
 
     /* errno is that of the first failure, which caused the others. */
-    if (whole && (fflush(out->f) ||
-                  (out->part[0] && rename(out->part, out->path)))) {
+    if (whole &&
+        (fflush(out->f) || (out->part[0] && rename(out->part, out->path)))) {
         ok = 0;
         code = errno;
     }

@@ -12,8 +12,8 @@
 
 typedef struct {
     FILE *f;
-    char path[PATH_MAX];         /* with links resolved */
-    char part[PATH_MAX];         /* empty if the file is written directly */
+    char path[PATH_MAX]; /* with links resolved */
+    char part[PATH_MAX]; /* empty if the file is written directly */
 } dec_output;
 
 /* Opens out->f, whose contents will become the file `name`. Returns 0, or -1

@@ -49,7 +49,8 @@ static void print_head(const char *guard, const char *what)
            "#ifndef %s\n"
            "#define %s\n"
            "\n"
-           "#include <stdint.h>\n", what, guard, guard);
+           "#include <stdint.h>\n",
+           what, guard, guard);
 }
 
 /* ---- fx_tables.h ---------------------------------------------------- */
@@ -132,9 +133,8 @@ static void print_rsqrt(void)
     size_t i;
 
     for (i = 0; i <= 2 * RSQRT_CELLS; i++) {
-        const double x = i < RSQRT_CELLS
-                             ? 1 + (double)i / RSQRT_CELLS
-                             : 2 * ((double)i / RSQRT_CELLS);
+        const double x = i < RSQRT_CELLS ? 1 + (double)i / RSQRT_CELLS
+                                         : 2 * ((double)i / RSQRT_CELLS);
 
         t[i] = round_entry(8388608 / sqrt(x));
     }

@@ -43,16 +43,18 @@ static struct {
 
 static int refuse(const char *file, const char *what, saga_status s)
 {
-    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
-            saga_status_text(s));
+    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what, saga_status_text(s));
     if (s == SAGA_ERR_DATA)
-        fprintf(stderr, "saga-dec: this is not a .saga file, or it is damaged "
-                "(see `saga info`),\nor a program from before format "
-                SAGA_FORMAT " wrote it and it must be encoded again\n");
+        fprintf(
+            stderr,
+            "saga-dec: this is not a .saga file, or it is damaged "
+            "(see `saga info`),\nor a program from before format " SAGA_FORMAT
+            " wrote it and it must be encoded again\n");
     if (s == SAGA_ERR_SPACE || s == SAGA_ERR_LEVEL)
-        fprintf(stderr, "saga-dec: this build has the memory of level %d, %lu "
-                "bytes; build with `make LEVEL=3` for more\n", SAGA_LEVEL,
-                (unsigned long)SAGA_WORK_MAX(SAGA_LEVEL));
+        fprintf(stderr,
+                "saga-dec: this build has the memory of level %d, %lu "
+                "bytes; build with `make LEVEL=3` for more\n",
+                SAGA_LEVEL, (unsigned long)SAGA_WORK_MAX(SAGA_LEVEL));
     return 1;
 }
 
@@ -111,8 +113,10 @@ static int read_camera_file(saga_camera *c, const char *name)
         if (v[i] < 0 || v[i] > 65535)
             n = i;
     if (n < 22) {
-        fprintf(stderr, "saga-dec: %s: number %d of the camera's 22 integers "
-                "is missing or out of range\n", name, n + 1);
+        fprintf(stderr,
+                "saga-dec: %s: number %d of the camera's 22 integers "
+                "is missing or out of range\n",
+                name, n + 1);
         return 2;
     }
     for (i = 0; i < 9; i++)
@@ -142,7 +146,8 @@ static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
     else if (!dec_parse_u32(&index, text, '\0'))
         return read_camera_file(c, text);
     if (!dec_parse_u32(&index, text, '\0')) {
-        fprintf(stderr, "saga-dec: '%s' is not a camera of the file; see "
+        fprintf(stderr,
+                "saga-dec: '%s' is not a camera of the file; see "
                 "--info\n",
                 o->camera);
         return 2;
@@ -220,8 +225,8 @@ static int write_picture(const dec_options *o, const saga_decoder *dec,
 static void print_info(const saga_info *i)
 {
     printf("version     %" PRIu32 ", level %" PRIu32 "\n"
-           "segments    %" PRIu32 ", frames %" PRIu32 " at %" PRIu32 "/%"
-           PRIu32 " per second\n"
+           "segments    %" PRIu32 ", frames %" PRIu32 " at %" PRIu32 "/%" PRIu32
+           " per second\n"
            "cameras     %" PRIu32 "\n"
            "at most     %" PRIu32 " coarse, %" PRIu32 " fine anchors, %" PRIu32
            " primitives a segment\n"
@@ -236,9 +241,10 @@ static void print_info(const saga_info *i)
     if (i->n_layers > 1)
         printf("layers      %" PRIu32 "\n", i->n_layers);
     if (i->base_coarse)
-        printf("base        %" PRIu32 " coarse, %" PRIu32 " fine anchors, %"
-               PRIu32 " primitives in %" PRIu32 " bytes\n", i->base_coarse,
-               i->base_fine, i->base_primitives, i->base_nbytes);
+        printf("base        %" PRIu32 " coarse, %" PRIu32
+               " fine anchors, %" PRIu32 " primitives in %" PRIu32 " bytes\n",
+               i->base_coarse, i->base_fine, i->base_primitives,
+               i->base_nbytes);
 }
 
 /* --- Together ------------------------------------------------------------ */
@@ -258,8 +264,10 @@ static int is_late(void *user)
 
 static int refuse_late(const dec_options *o)
 {
-    fprintf(stderr, "saga-dec: %s: decoding took more than %g s; allow more "
-            "with --seconds %g\n", o->file, o->seconds, 6 * o->seconds);
+    fprintf(stderr,
+            "saga-dec: %s: decoding took more than %g s; allow more "
+            "with --seconds %g\n",
+            o->file, o->seconds, 6 * o->seconds);
     return 1;
 }
 
@@ -269,10 +277,11 @@ static int refuse_cover(const dec_options *o, const saga_decoder *dec,
     saga_report r;
 
     saga_tell(&r, dec);
-    fprintf(stderr, "saga-dec: %s: the stream exceeds its level: splats would "
+    fprintf(stderr,
+            "saga-dec: %s: the stream exceeds its level: splats would "
             "cover the picture %.0f times, level %" PRIu32 " allows %u; move "
-            "the camera away\n", o->camera,
-            (double)r.box_pixels / c->width / c->height, level,
+            "the camera away\n",
+            o->camera, (double)r.box_pixels / c->width / c->height, level,
             SAGA_COVER_MAX(level));
     return 1;
 }
@@ -299,7 +308,7 @@ static int decode(const dec_options *o, FILE *f, saga_decoder *dec,
 }
 
 /* Reads, decodes and draws from the open file f. Returns an exit status. */
-static int run(const dec_options *o, FILE *f, const saga_info *info)
+static int draw_picture(const dec_options *o, FILE *f, const saga_info *info)
 {
     double deadline = now() + o->seconds;
     const saga_watch clock = { is_late, &deadline };
@@ -393,8 +402,8 @@ int main(int argc, char **argv)
         return flushed(0);
     }
     if (argc > 1 && !strcmp(argv[1], "--version")) {
-        printf("saga-dec %s, format %s, level %d\n", SAGA_RELEASE,
-               SAGA_FORMAT, SAGA_LEVEL);
+        printf("saga-dec %s, format %s, level %d\n", SAGA_RELEASE, SAGA_FORMAT,
+               SAGA_LEVEL);
         return flushed(0);
     }
     if (!dec_parse_options(&o, argc, argv))
@@ -412,7 +421,7 @@ int main(int argc, char **argv)
     else if (o.info)
         print_info(&info);
     else
-        status = run(&o, f, &info);
+        status = draw_picture(&o, f, &info);
     fclose(f);
     return flushed(status);
 }

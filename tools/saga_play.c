@@ -49,23 +49,23 @@ typedef struct player {
     size_t n;
     saga_info info;
     saga_camera camera;
-    double seconds;          /* limit for decoding a segment, or the base; 0: no
-                              * limit */
-    block shown[2];          /* blocks for even and odd pictures */
-    block ahead;             /* the next segment */
+    double seconds; /* limit for decoding a segment, or the base; 0: no
+                     * limit */
+    block shown[2]; /* blocks for even and odd pictures */
+    block ahead;    /* the next segment */
     pthread_t decoding;
     int is_decoding;
     painter painters[MAX_THREADS];
     uint32_t n_threads;
-    FILE *out;               /* NULL: CRCs are printed on stdout */
-    unsigned char *yuv;      /* three planes; NULL: out gets R, G, B */
+    FILE *out;          /* NULL: CRCs are printed on stdout */
+    unsigned char *yuv; /* three planes; NULL: out gets R, G, B */
     /* The picture being drawn. */
     const saga_decoder *dec;
     unsigned char *rgb;
     atomic_int next_row;
 } player;
 
-static void end(int status, const char *what)
+static void quit(int status, const char *what)
 {
     fprintf(stderr, "saga-play: %s\n", what);
     exit(status);
@@ -73,13 +73,13 @@ static void end(int status, const char *what)
 
 static void stop(const char *what)
 {
-    end(2, what);
+    quit(2, what);
 }
 
 static void check(saga_status s)
 {
     if (s)
-        end(1, saga_status_text(s));
+        quit(1, saga_status_text(s));
 }
 
 static void *need(size_t n)
@@ -132,8 +132,10 @@ static double deadline_of(const player *p)
 static void check_decoding(const player *p, saga_status s)
 {
     if (s == SAGA_ERR_STOPPED) {
-        fprintf(stderr, "saga-play: decoding took more than %g s; allow more "
-                "with --seconds %g\n", p->seconds, 6 * p->seconds);
+        fprintf(stderr,
+                "saga-play: decoding took more than %g s; allow more "
+                "with --seconds %g\n",
+                p->seconds, 6 * p->seconds);
         exit(1);
     }
     check(s);
@@ -146,8 +148,8 @@ static void open_block(player *p, block *b)
 
     b->work = need(p->info.work_nbytes);
     b->segment = NO_SEGMENT;
-    check_decoding(p, saga_open(&b->dec, b->work, p->info.work_nbytes,
-                                p->bytes, p->n, &watch));
+    check_decoding(p, saga_open(&b->dec, b->work, p->info.work_nbytes, p->bytes,
+                                p->n, &watch));
 }
 
 static void decode(player *p, block *b, const saga_segment *seg)
@@ -156,7 +158,7 @@ static void decode(player *p, block *b, const saga_segment *seg)
     const saga_watch watch = { is_late, &deadline };
 
     if (seg->offset > p->n || seg->nbytes > p->n - seg->offset)
-        end(1, "the file ends too early");
+        quit(1, "the file ends too early");
     check_decoding(p, saga_decode(b->dec, seg, p->bytes + seg->offset,
                                   seg->nbytes, &watch));
     b->segment = seg->number;
@@ -240,8 +242,11 @@ static void *paint(void *arg)
         const int32_t end = y + ROWS < p->camera.height ? y + ROWS
                                                         : p->camera.height;
         saga_picture picture = { p->rgb + line * (size_t)y, line, 0, 8 };
-        saga_job job = { .y0 = y, .x1 = p->camera.width, .y1 = end,
-                         .tile = 16, .list_capacity = LIST,
+        saga_job job = { .y0 = y,
+                         .x1 = p->camera.width,
+                         .y1 = end,
+                         .tile = 16,
+                         .list_capacity = LIST,
                          .scratch = me->scratch };
         saga_status s;
 
@@ -285,7 +290,7 @@ typedef struct {
 
 static const luma bt601 = { 2990, 5870, 1140 }, bt709 = { 2126, 7152, 722 };
 
-enum { LINES_601 = 576 };   /* players use BT.601 up to this height */
+enum { LINES_601 = 576 }; /* players use BT.601 up to this height */
 
 /* Returns offset + num / den, rounded to the nearest integer. It does not
  * overflow: the largest values are those of chroma, where num is at most 224 *
@@ -309,8 +314,7 @@ static void convert(unsigned char *yuv, const unsigned char *rgb,
         yuv[i] = rounded(16, 219 * y, 255 * 10000);
         cb[i] = rounded(128, 224 * (10000 * b - y),
                         255 * 2 * (10000 - m->blue));
-        cr[i] = rounded(128, 224 * (10000 * r - y),
-                        255 * 2 * (10000 - m->red));
+        cr[i] = rounded(128, 224 * (10000 * r - y), 255 * 2 * (10000 - m->red));
     }
 }
 
@@ -326,14 +330,15 @@ static void begin_y4m(player *p)
     const int has_rate = p->info.fps_num && p->info.fps_den;
 
     p->yuv = need(3u * c->width * (size_t)c->height);
-    if (fprintf(p->out, "YUV4MPEG2 W%u H%u F%u:%u Ip A1:1 C444 "
-                "XCOLORRANGE=LIMITED\n", c->width, c->height,
-                has_rate ? p->info.fps_num : 25,
+    if (fprintf(p->out,
+                "YUV4MPEG2 W%u H%u F%u:%u Ip A1:1 C444 "
+                "XCOLORRANGE=LIMITED\n",
+                c->width, c->height, has_rate ? p->info.fps_num : 25,
                 has_rate ? p->info.fps_den : 1) < 0)
         stop("cannot write the pictures");
 }
 
-static void tell_picture(player *p, uint32_t frame)
+static void write_picture(player *p, uint32_t frame)
 {
     const size_t n_pixels = p->camera.width * (size_t)p->camera.height;
 
@@ -384,8 +389,10 @@ static const char usage[] =
 /* Ends the program for a mistake in the command line. */
 static void wrong(const char *what)
 {
-    fprintf(stderr, "saga-play: unknown or wrong option '%s'; see saga-play "
-            "--help\n", what);
+    fprintf(stderr,
+            "saga-play: unknown or wrong option '%s'; see saga-play "
+            "--help\n",
+            what);
     exit(2);
 }
 
@@ -394,9 +401,9 @@ static void read_command(command *c, int argc, char **argv)
     const struct {
         const char *name;
         const char **value;
-    } options[] = {
-        { "--seconds", &c->seconds }, { "--y4m", &c->y4m }, { "--rgb", &c->rgb }
-    };
+    } options[] = { { "--seconds", &c->seconds },
+                    { "--y4m", &c->y4m },
+                    { "--rgb", &c->rgb } };
     size_t n_words = 0, k;
     int i;
 
@@ -452,7 +459,8 @@ static void open_output(player *p, const char *path)
 static void close_output(player *p)
 {
     const int failed = output.f ? dec_output_close(&output, 1)
-                     : p->out ? fclose(p->out) : 0;
+                       : p->out ? fclose(p->out)
+                                : 0;
 
     output.f = NULL;
     if (failed)
@@ -472,8 +480,8 @@ static void open_player(player *p, const char *path, uint32_t camera)
     p->rgb = need(3u * p->camera.width * (size_t)p->camera.height);
     for (i = 0; i < p->n_threads; i++) {
         p->painters[i].player = p;
-        p->painters[i].scratch = need(SAGA_JOB_NBYTES(16, LIST) + 16u * ROWS *
-                                      (p->camera.width + 16u));
+        p->painters[i].scratch = need(SAGA_JOB_NBYTES(16, LIST) +
+                                      16u * ROWS * (p->camera.width + 16u));
     }
 }
 
@@ -489,14 +497,16 @@ static void play(player *p, uint32_t n)
     cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID);
     for (i = 0; i < n; i++) {
         draw(p, i, i + 1 < n);
-        tell_picture(p, i);
+        write_picture(p, i);
     }
     finish_ahead(p);
     wall = ms_of(CLOCK_MONOTONIC) - wall;
     cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID) - cpu;
-    fprintf(stderr, "%u pictures of %ux%u, %u threads: %.2f ms each, "
-            "%.2f of CPU\n", n, p->camera.width, p->camera.height,
-            p->n_threads, n ? wall / n : 0, n ? cpu / n : 0);
+    fprintf(stderr,
+            "%u pictures of %ux%u, %u threads: %.2f ms each, "
+            "%.2f of CPU\n",
+            n, p->camera.width, p->camera.height, p->n_threads,
+            n ? wall / n : 0, n ? cpu / n : 0);
 }
 
 int main(int argc, char **argv)

@@ -25,10 +25,10 @@
 /* The sums of some rows for two points. The 512 bytes of stack limit the number
  * of rows. */
 typedef struct {
-    int32_t sum[2][SAGA_MLP_PAIRED];     /* sums of each point, by rows */
+    int32_t sum[2][SAGA_MLP_PAIRED]; /* sums of each point, by rows */
     uint32_t n_row;
     uint32_t n;
-    uint64_t pair[SAGA_MLP_PAIRED];      /* joined sums of n inputs at a time */
+    uint64_t pair[SAGA_MLP_PAIRED]; /* joined sums of n inputs at a time */
 } saga_pairs;
 
 /* Joins the activations of x, (points, stride), to words. The upper halves are
@@ -65,9 +65,8 @@ static inline uint64_t weight_at(const void *w, size_t at, int int8)
  * at w[at] in the first row and `stride` later in each further row. Four rows
  * at a time share every load of a pair. The function is inlined, so that `int8`
  * is a constant. */
-static inline __attribute__((always_inline))
-void add_products(saga_pairs *p, const void *w, size_t at, size_t stride,
-                  int int8)
+static inline __attribute__((always_inline)) void
+add_products(saga_pairs *p, const void *w, size_t at, size_t stride, int int8)
 {
     uint32_t r = 0, k;
 

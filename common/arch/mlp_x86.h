@@ -160,9 +160,10 @@ INLINE saga_words load_i8(const int8_t *p)
     int64_t b;
 
     __builtin_memcpy(&b, p, sizeof b);
-    return (saga_words)__builtin_shufflevector(
-        zero, (bytes)(whole){ b, 0 }, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21,
-        6, 22, 7, 23) >> 8;
+    return (saga_words)__builtin_shufflevector(zero, (bytes)(whole){ b, 0 }, 0,
+                                               16, 1, 17, 2, 18, 3, 19, 4, 20,
+                                               5, 21, 6, 22, 7, 23) >>
+           8;
 }
 
 /* SSE2 and simd128 shift all lanes by the same number. Therefore a vector is
@@ -179,12 +180,11 @@ INLINE saga_shifts load_shifts(const uint8_t *p)
     return n;
 }
 
-INLINE saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
-                          saga_sums d)
+INLINE saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c, saga_sums d)
 {
     return __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 0, 5, 5),
-                                   __builtin_shufflevector(c, d, 2, 2, 7, 7),
-                                   0, 2, 4, 6);
+                                   __builtin_shufflevector(c, d, 2, 2, 7, 7), 0,
+                                   2, 4, 6);
 }
 
 INLINE saga_sums half_of(saga_shifts n)
@@ -192,7 +192,8 @@ INLINE saga_sums half_of(saga_shifts n)
     const saga_sums one = { 1, 1, 1, 1 };
 
     return diagonal(one << n.by[0], one << n.by[1], one << n.by[2],
-                    one << n.by[3]) >> 1;
+                    one << n.by[3]) >>
+           1;
 }
 
 INLINE saga_sums rshift_each(saga_sums v, saga_shifts n)
@@ -233,8 +234,8 @@ INLINE saga_words load_i16(const int16_t *p)
     return w;
 }
 
-INLINE void store_sums(int32_t sum[4], saga_sums a, saga_sums b,
-                       saga_sums c, saga_sums d)
+INLINE void store_sums(int32_t sum[4], saga_sums a, saga_sums b, saga_sums c,
+                       saga_sums d)
 {
     const saga_i32x4 s = fold4(fold2(a, b), fold2(c, d));
 
@@ -304,7 +305,7 @@ INLINE saga_words pair(const int16_t *x)
  * without AVX2 and two tiles with it, or one vector for the last tile. */
 typedef struct {
     const void *weight;
-    size_t apart;                /* distance between the vectors, in weights */
+    size_t apart; /* distance between the vectors, in weights */
     int int8;
     uint32_t vectors;
 } summed;
@@ -341,9 +342,9 @@ INLINE void sum_tile(saga_sums sum[][2], const summed *r, const int16_t *x,
 
 /* The constants that convert sums to results. */
 typedef struct {
-    saga_sums add[2];            /* bias + 2^(shift - 1), for rounding */
+    saga_sums add[2]; /* bias + 2^(shift - 1), for rounding */
     saga_shifts shift[2];
-    saga_sums keep;              /* all ones without ReLU, else 0 */
+    saga_sums keep; /* all ones without ReLU, else 0 */
 } ending;
 
 INLINE void begin_ending(ending *e, const saga_layer *layer, uint32_t row,
@@ -447,8 +448,8 @@ INLINE uint32_t run_all(int16_t *y, const saga_layer *layer, const int16_t *x,
 
 /* Computes the rows of all whole tiles for n points. Returns the number of
  * these rows. */
-INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
-                          const int16_t *x, uint32_t n)
+INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer, const int16_t *x,
+                          uint32_t n)
 {
     return layer->int8 ? run_all(y, layer, x, n, 1)
                        : run_all(y, layer, x, n, 0);
@@ -459,8 +460,7 @@ INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
 /* Stores relu?(sat16(fx_rshift(bias + sum, shift))) of one row for four points.
  * The lanes of `sum` are points, so that all are shifted by one number. */
 INLINE void finish_points(int16_t *y, uint32_t y_stride,
-                          const saga_layer *layer, uint32_t row,
-                          saga_i32x4 sum)
+                          const saga_layer *layer, uint32_t row, saga_i32x4 sum)
 {
     const int shift = layer->shift[row];
     const saga_i32x4 v = (sum + (layer->bias[row] + (1 << shift >> 1))) >>

@@ -13,16 +13,17 @@
 #ifdef INLINE
 
 _Static_assert(offsetof(saga_primitive, x) == 0 &&
-               offsetof(saga_primitive, t_centre) == 12 &&
-               offsetof(saga_primitive, support) == 16 &&
-               offsetof(saga_primitive, quat) == 28 &&
-               offsetof(saga_primitive, slope) == 36 &&
-               offsetof(saga_primitive, motion) == 44 &&
-               offsetof(saga_primitive, log2_scale_q10) == 62 &&
-               offsetof(saga_primitive, opacity) == 68 &&
-               offsetof(saga_primitive, log2_width_q10) == 70, "WORDS");
+                   offsetof(saga_primitive, t_centre) == 12 &&
+                   offsetof(saga_primitive, support) == 16 &&
+                   offsetof(saga_primitive, quat) == 28 &&
+                   offsetof(saga_primitive, slope) == 36 &&
+                   offsetof(saga_primitive, motion) == 44 &&
+                   offsetof(saga_primitive, log2_scale_q10) == 62 &&
+                   offsetof(saga_primitive, opacity) == 68 &&
+                   offsetof(saga_primitive, log2_width_q10) == 70,
+               "WORDS");
 
-enum { WORDS = 9 };              /* words of 64 bits in a primitive */
+enum { WORDS = 9 }; /* words of 64 bits in a primitive */
 
 /* LANES primitives. Each vector holds one word of all of them. */
 typedef struct {
@@ -55,7 +56,7 @@ INLINE i64s field16(const prims *p, int at)
 /* The place of each primitive in its own time, as in animate.c. */
 typedef struct {
     i64s dt;
-    i64s u;                      /* |dt| / width, Q16, at most 16 */
+    i64s u; /* |dt| / width, Q16, at most 16 */
     i64s age;
 } moment;
 
@@ -95,9 +96,9 @@ INLINE i64s q0_of(const prims *p, const saga_prim_format *f, const moment *m)
 {
     const i64s o = 0 - widen(field16(p, 68));
     const int q = f->q_opacity;
-    const i64s q0 = softplus2_q12_q20((q <= 12 ? shift_up(o, 12 - q)
-                                               : round_off(o, q - 12)) +
-                                      (SAGA_PEAK_LOG2 << 12));
+    const i64s q0 = softplus2_q12_q20(
+        (q <= 12 ? shift_up(o, 12 - q) : round_off(o, q - 12)) +
+        (SAGA_PEAK_LOG2 << 12));
 
     if (!f->has_width)
         return q0;
@@ -112,9 +113,9 @@ INLINE i64s motion_q20(const prims *p, const saga_prim_format *f, int axis,
 
     for (order = f->motion_order; order >= 1; order--) {
         const int k = order - 1;
-        const i64s b = k == 0 ? field16(p, 44 + 2 * axis)
-                     : k == 1 ? field16(p, 50 + 2 * axis)
-                              : field16(p, 56 + 2 * axis);
+        const i64s b = k == 0   ? field16(p, 44 + 2 * axis)
+                       : k == 1 ? field16(p, 50 + 2 * axis)
+                                : field16(p, 56 + 2 * axis);
 
         sum += mul(b, all(1 << (20 - f->q_motion[k])));
         sum = round_off(mul_wide(sum, age), 16);
@@ -131,8 +132,8 @@ INLINE void mean_of(i64s x[3], const prims *p, const saga_prim_format *f,
         const i64s support = field32(p, 16 + 4 * i);
         const i64s m = mul_wide(motion_q20(p, f, i, age), support);
 
-        x[i] = clamp_each(widen(field32(p, 4 * i)) + round_off(m, 20),
-                          -LIMIT_X, LIMIT_X);
+        x[i] = clamp_each(widen(field32(p, 4 * i)) + round_off(m, 20), -LIMIT_X,
+                          LIMIT_X);
     }
 }
 
@@ -149,8 +150,9 @@ INLINE void quat_of(i64s q[4], const prims *p, const saga_prim_format *f,
     for (i = 0; i < 4; i++) {
         q[i] = mul(field16(p, 28 + 2 * i), all(1 << (20 - f->q_quat)));
         if (f->has_slope)
-            q[i] += round_off(shift_up(mul(field16(p, 36 + 2 * i), age),
-                                       20 - f->q_slope), 16);
+            q[i] += round_off(
+                shift_up(mul(field16(p, 36 + 2 * i), age), 20 - f->q_slope),
+                16);
         bits |= abs_each(q[i]);
     }
     /* Shift the values up to 62 bits, then down by 32 with one rounding, so

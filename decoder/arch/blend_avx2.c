@@ -12,7 +12,10 @@
 
 #define LANES 8
 #define PAIRS 1
-#define IOTA { 0, 1, 2, 3, 4, 5, 6, 7 }
+#define IOTA                   \
+    {                          \
+        0, 1, 2, 3, 4, 5, 6, 7 \
+    }
 
 typedef int32_t i32s __attribute__((vector_size(32)));
 typedef uint32_t u32s __attribute__((vector_size(32)));
@@ -41,7 +44,7 @@ INLINE u32s min_u32(u32s a, u32s b)
 
 INLINE u32s exp2_minus(u32s q)
 {
-    const u32s f2 = q << 5 | 16;             /* Q16, in the lower half */
+    const u32s f2 = q << 5 | 16; /* Q16, in the lower half */
     const u32s p2 = 7661 - mulhi_u16(f2, (u32s){ 1366, 1366, 1366, 1366, 1366,
                                                  1366, 1366, 1366 });
     const u32s p1 = 22685 - mulhi_u16(f2, p2);

@@ -31,7 +31,7 @@
 
 #ifdef LANES
 
-enum { ROWS = 16 };              /* rows whose v and q are stored at a time */
+enum { ROWS = 16 }; /* rows whose v and q are stored at a time */
 
 INLINE u32s all(uint32_t x)
 {
@@ -55,13 +55,13 @@ INLINE void store(uint32_t *p, u32s v)
 
 /* A group of LANES columns that are blended together. */
 typedef struct {
-    u32s steps;                 /* change of v since the tile's first column */
-    u32s outside;               /* 2^31 - 1 in lanes outside the box, else 0 */
+    u32s steps;   /* change of v since the tile's first column */
+    u32s outside; /* 2^31 - 1 in lanes outside the box, else 0 */
 } group;
 
 typedef struct {
     u32s colour[3];
-    u32s q0;                    /* where it is steep */
+    u32s q0; /* where it is steep */
 } paint;
 
 /* Returns min(2^(3 - q), cap) in Q16; q in Q11, 0 from the cut on. */
@@ -89,11 +89,11 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
     const u32s v_q13 = (u32s)((i32s)(v + c->steps) >> 15);
     const u32s sum = v_q13 * v_q13 + k;
     const u32s q = c->outside |
-        (tools & SAGA_TOOL_STEEP ? steep_q11(sum >> 6, p->q0) : sum >> 15);
+                   (tools & SAGA_TOOL_STEEP ? steep_q11(sum >> 6, p->q0)
+                                            : sum >> 15);
     const u32s before = load(t);
     /* alpha is 0 in finished pixels, whose T is below its floor. */
-    const u32s a = alpha_q16(q) &
-                    (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
+    const u32s a = alpha_q16(q) & (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
     const u32s w = (a * before + 0x8000u) >> 16;
     uint32_t i;
 
@@ -123,8 +123,7 @@ INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
 
     for (i = 0; i < ROWS; i += LANES) {
         const u32s y = iota + (first + i);
-        const u32s w_q13 =
-            (u32s)((i32s)(w0 + y * (uint32_t)p->h) >> 15);
+        const u32s w_q13 = (u32s)((i32s)(w0 + y * (uint32_t)p->h) >> 15);
         const u32s q = ((w_q13 * w_q13 + 32) >> 6) + begin;
 
         store(r->v + i, v0 - y * (uint32_t)p->n);

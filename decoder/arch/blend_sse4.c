@@ -22,8 +22,8 @@ INLINE u32x4 mulhi_15(u32x4 a, u32x4 b)
 INLINE u32x4 shift_each(u32x4 m, u32x4 n)
 {
     const i8x16 table = { -128, 64, 32, 16, 8, 4, 2, 1 };
-    const i8x16 power = __builtin_ia32_pshufb128(
-        table, (i8x16)(n | 0x80808000u));
+    const i8x16 power = __builtin_ia32_pshufb128(table,
+                                                 (i8x16)(n | 0x80808000u));
 
     return (u32x4)__builtin_ia32_pmaddwd128((i16x8)m, (i16x8)power) >> 6;
 }

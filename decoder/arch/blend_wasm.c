@@ -22,11 +22,10 @@ INLINE u32x4 mulhi_15(u32x4 a, u32x4 b)
 INLINE u32x4 shift_each(u32x4 m, u32x4 n)
 {
     const i8x16 table = { -128, 64, 32, 16, 8, 4, 2, 1 };
-    const i8x16 power = __builtin_wasm_swizzle_i8x16(
-        table, (i8x16)(n | 0x80808000u));
+    const i8x16 power = __builtin_wasm_swizzle_i8x16(table,
+                                                     (i8x16)(n | 0x80808000u));
 
-    return (u32x4)__builtin_wasm_dot_s_i32x4_i16x8((i16x8)m,
-                                                   (i16x8)power) >> 6;
+    return (u32x4)__builtin_wasm_dot_s_i32x4_i16x8((i16x8)m, (i16x8)power) >> 6;
 }
 
 #include "blend_x4.h"

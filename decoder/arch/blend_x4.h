@@ -18,7 +18,10 @@
 
 #define LANES 4
 #define PAIRS 0
-#define IOTA { 0, 1, 2, 3 }
+#define IOTA       \
+    {              \
+        0, 1, 2, 3 \
+    }
 
 typedef u32x4 u32s;
 typedef i32x4 i32s;

@@ -76,9 +76,9 @@ INLINE i64s recip16_of(i64s x_q31)
 INLINE i64s minus_recip32_of(i64s x_q31)
 {
     const i64s y0_q31 = recip_chord_q23(x_q31) << 8;
-    const i64s rest_q62 =
-        ((int64_t)1 << 62) - (i64s)mul_u((u64s)x_q31, (u64s)y0_q31);
-    const i64s rest_q46 = shift_down(rest_q62, 16);  /* low */
+    const i64s rest_q62 = ((int64_t)1 << 62) -
+                          (i64s)mul_u((u64s)x_q31, (u64s)y0_q31);
+    const i64s rest_q46 = shift_down(rest_q62, 16); /* low */
     const i64s minus_y0 = 0 - y0_q31;
 
     return minus_y0 - round_off(0 - mul(minus_y0, rest_q46), 46);
@@ -90,10 +90,10 @@ INLINE i64s rsqrt_newton_q31(i64s x_q30, i64s y0_q23)
 {
     const i64s square_q32 = round_low(mul(y0_q23, y0_q23), 14);
     const i64s d = ((int64_t)1 << 32) - square_q32;
-    const i64s product =
-        shift_up(x_q30, 32) - (i64s)mul_u((u64s)x_q30, (u64s)d);
+    const i64s product = shift_up(x_q30, 32) -
+                         (i64s)mul_u((u64s)x_q30, (u64s)d);
     const i64s rest_q62 = ((int64_t)1 << 62) - product;
-    const i64s rest_q45 = shift_down(rest_q62, 17);  /* low */
+    const i64s rest_q45 = shift_down(rest_q62, 17); /* low */
     const i64s y0_q31 = y0_q23 << 8;
 
     return y0_q31 + round_off(0 - mul(0 - y0_q31, rest_q45), 46);

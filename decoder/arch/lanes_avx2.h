@@ -16,7 +16,10 @@
 #include "lanes.h"
 
 #define SIGN ((uint64_t)1 << 63)
-#define BYTES(...) { __VA_ARGS__, __VA_ARGS__ }
+#define BYTES(...)               \
+    {                            \
+        __VA_ARGS__, __VA_ARGS__ \
+    }
 
 typedef uint8_t u8s __attribute__((vector_size(32)));
 typedef char i8x32 __attribute__((vector_size(32)));
@@ -138,10 +141,10 @@ INLINE i64s round_low_each(i64s x, const rounding *r)
  * `less` at the same place; 0 for bytes that are 0. */
 INLINE u8s n_bits_bytes(i64s x, u8s less)
 {
-    const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203,
-                               204, 204, 204, 204, 204, 204, 204, 204);
-    const u8s high_half = BYTES(0, 205, 206, 206, 207, 207, 207, 207,
-                                208, 208, 208, 208, 208, 208, 208, 208);
+    const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203, 204, 204,
+                               204, 204, 204, 204, 204, 204);
+    const u8s high_half = BYTES(0, 205, 206, 206, 207, 207, 207, 207, 208, 208,
+                                208, 208, 208, 208, 208, 208);
     const i64s fours = all(0x0f0f0f0f0f0f0f0f);
 
     return sub_u8(max_u8(nibbles(low_half, (u8s)(x & fours)),
@@ -155,8 +158,8 @@ INLINE u8s n_bits_bytes(i64s x, u8s less)
  * increased by a constant, so that bytes of 0 stay below all others. */
 INLINE i64s n_bits(i64s x)
 {
-    const u8s less = BYTES(200, 192, 184, 176, 168, 160, 152, 144,
-                           200, 192, 184, 176, 168, 160, 152, 144);
+    const u8s less = BYTES(200, 192, 184, 176, 168, 160, 152, 144, 200, 192,
+                           184, 176, 168, 160, 152, 144);
     u8s n = n_bits_bytes(x, less);
 
     n = max_u8(n, (u8s)shift_down((i64s)n, 32));
@@ -167,8 +170,8 @@ INLINE i64s n_bits(i64s x)
 
 INLINE i64s n_bits_halves(i64s x)
 {
-    const u8s less = BYTES(200, 192, 184, 176, 200, 192, 184, 176,
-                           200, 192, 184, 176, 200, 192, 184, 176);
+    const u8s less = BYTES(200, 192, 184, 176, 200, 192, 184, 176, 200, 192,
+                           184, 176, 200, 192, 184, 176);
     u8s n = n_bits_bytes(x, less);
 
     n = max_u8(n, (u8s)((u32s)n >> 16));

@@ -25,8 +25,7 @@ INLINE i64s mul(i64s a, i64s b)
 
 INLINE u64s mul_u(u64s a, u64s b)
 {
-    return (u64s)vmull_u32(vmovn_u64((uint64x2_t)a),
-                           vmovn_u64((uint64x2_t)b));
+    return (u64s)vmull_u32(vmovn_u64((uint64x2_t)a), vmovn_u64((uint64x2_t)b));
 }
 
 INLINE u64s shl(u64s x, u64s n)
@@ -60,7 +59,7 @@ INLINE i64s select(i64s mask, i64s a, i64s b)
 }
 
 typedef struct {
-    int64x2_t up;                /* -n */
+    int64x2_t up; /* -n */
 } rounding;
 
 INLINE rounding round_by(i64s n)

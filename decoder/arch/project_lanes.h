@@ -15,9 +15,9 @@
 /* Results of projecting the centre that the shape and the box need. */
 typedef struct {
     i64s mean_q8[2];
-    i64s slope_q16[2];           /* less middle_slope() */
+    i64s slope_q16[2]; /* less middle_slope() */
     i64s depth;
-    i64s minus_recip;            /* negated reciprocal of z, see fx_lanes.h */
+    i64s minus_recip; /* negated reciprocal of z, see fx_lanes.h */
     i64s recip_shift;
 } centres;
 
@@ -129,16 +129,14 @@ INLINE i64s project_axis(centres *o, const saga_camera *c, int axis, i64s x,
     const int32_t side = axis == 0 ? c->width : c->height;
     const int64_t principal = c->principal_q16[axis];
     const int64_t reach = side * (int64_t)(32768 + BORDER_Q16);
-    const i64s ratio_q28 = clamp_each(
-        round_each(0 - mul(x, o->minus_recip), r), -INT32_MAX, INT32_MAX);
+    const i64s ratio_q28 = clamp_each(round_each(0 - mul(x, o->minus_recip), r),
+                                      -INT32_MAX, INT32_MAX);
     const i64s focal_q44 = mul(ratio_q28, all(c->focal_q16[axis]));
-    const i64s mean =
-        round_off(focal_q44 + principal * ((int64_t)1 << 28), 36);
+    const i64s mean = round_off(focal_q44 + principal * ((int64_t)1 << 28), 36);
 
     o->mean_q8[axis] = mean;
-    o->slope_q16[axis] =
-        clamp_each(round_off(focal_q44, 28) - middle_slope(c, axis), -reach,
-                   reach);
+    o->slope_q16[axis] = clamp_each(
+        round_off(focal_q44, 28) - middle_slope(c, axis), -reach, reach);
     return LIMIT_MEAN - abs_small(mean - side * 128);
 }
 
@@ -154,15 +152,15 @@ INLINE i64s project_centres(centres *o, const i64s *x, const saga_camera *c)
     const i64s shift = max_small(n_bits(vz) - 27, all(1));
     const rounding r = round_by(shift);
     const i64s z = round_each(vz, &r);
-    const i64s over = shift_down(z, 27);      /* 1 if rounded up to 28 bits */
+    const i64s over = shift_down(z, 27); /* 1 if rounded up to 28 bits */
     const rounding by = round_by((over & 1) + 29);
     i64s out = (depth - c->near_plane) |
                (vz - 1 - shift_down(abs_each(vx), 3)) |
                (vz - 1 - shift_down(abs_each(vy), 3));
 
     o->depth = depth;
-    o->minus_recip =
-        minus_recip32_of((i64s)shr((u64s)(z << 5), (u64s)(over & 1)));
+    o->minus_recip = minus_recip32_of(
+        (i64s)shr((u64s)(z << 5), (u64s)(over & 1)));
     o->recip_shift = over + shift + (57 - 30);
     out |= project_axis(o, c, 0, round_each(vx, &r), &by);
     out |= project_axis(o, c, 1, round_each(vy, &r), &by);
@@ -235,8 +233,9 @@ INLINE void turn_rows(i64s p[2][3], const i64s *u, const i64s *r)
     for (i = 0; i < 2; i++)
         for (k = 0; k < 3; k++)
             p[i][k] = round_low(mul(u[3 * i], r[k]) +
-                                mul(u[3 * i + 1], r[3 + k]) +
-                                mul(u[3 * i + 2], r[6 + k]), 30);
+                                    mul(u[3 * i + 1], r[3 + k]) +
+                                    mul(u[3 * i + 2], r[6 + k]),
+                                30);
 }
 
 INLINE void scale_columns(shapes *s, i64s p[2][3], const i64s log2_scale[3],
@@ -255,9 +254,11 @@ INLINE void scale_columns(shapes *s, i64s p[2][3], const i64s log2_scale[3],
     for (k = 0; k < 3; k++) {
         const i64s n = top - e[k] + 1;
         const rounding r = round_by(min_small(n, all(62)));
-        const i64s m = round_low((i64s)mul_u(
-            (u64s)exp2_frac_q10_q30(log2_scale[k]), (u64s)factor), 31) &
-            negative(n - 62);
+        const i64s m = round_low(
+                           (i64s)mul_u((u64s)exp2_frac_q10_q30(log2_scale[k]),
+                                       (u64s)factor),
+                           31) &
+                       negative(n - 62);
 
         s->t[0][k] = round_each(mul(p[0][k], m), &r);
         s->t[1][k] = round_each(mul(p[1][k], m), &r);
@@ -273,9 +274,9 @@ INLINE void project_shapes(shapes *s, const prims *a, const i64s quat[4],
     i64s u[6], r[9], p[2][3], k;
     const i64s shift = jacobian(u, o, c);
     const i64s norm = rotation(r, &k, quat);
-    const i64s over = shift_down(norm, 30);   /* 1 if rounded up to 31 bits */
-    const i64s minus_recip =
-        minus_recip32_of((i64s)shr((u64s)(norm << 2), (u64s)over));
+    const i64s over = shift_down(norm, 30); /* 1 if rounded up to 31 bits */
+    const i64s minus_recip = minus_recip32_of(
+        (i64s)shr((u64s)(norm << 2), (u64s)over));
 
     turn_rows(p, u, r);
     scale_columns(s, p, log2_scale,
@@ -351,8 +352,8 @@ INLINE void conics(factors *f, const shapes *s)
 INLINE i64s extent_of(i64s e, i64s shift, i64s none)
 {
     const i64s n = max_small(shift, all(0)), limit = all(LIMIT_EXTENT);
-    const i64s extent =
-        clamp_each((i64s)shr((u64s)e, (u64s)n) + 1, 0, LIMIT_EXTENT);
+    const i64s extent = clamp_each((i64s)shr((u64s)e, (u64s)n) + 1, 0,
+                                   LIMIT_EXTENT);
 
     return select(negative((shift - 1) | none), limit, extent);
 }
@@ -372,12 +373,13 @@ INLINE void extents(i64s *ex, i64s *ey, i64s l_q12, const factors *f)
     const i64s j = shift_down(n_bits(square) + (64 - 22), 1) - 32;
     const i64s down = max_small(j, all(0)), up = max_small(0 - j, all(0));
     const i64s root = (i64s)shl(shr((u64s)square, (u64s)(down + down)),
-                                (u64s)(up + up)) + min_small(down, all(1));
+                                (u64s)(up + up)) +
+                      min_small(down, all(1));
     const i64s e = mul(mul(l_q12, sqrt_up_each(root)), recip_g);
 
     *ey = extent_of(mul(l_q12, recip_h), f->h.bits + (15 - 24), no_h);
-    *ex = extent_of(mul_wide(e, recip_h),
-                    f->g.bits + f->h.bits - j + (30 - 22), no_g | no_h);
+    *ex = extent_of(mul_wide(e, recip_h), f->g.bits + f->h.bits - j + (30 - 22),
+                    no_g | no_h);
 }
 
 /* Returns a negative number in lanes without any pixel. */

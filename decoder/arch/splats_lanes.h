@@ -29,7 +29,7 @@ typedef struct {
     i64s q0;
     factors factor;
     boxes box;
-    i64s out;                    /* negative in lanes without a splat */
+    i64s out; /* negative in lanes without a splat */
 } lanes_splats;
 
 /* Returns 0 if there is no splat. */

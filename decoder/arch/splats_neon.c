@@ -11,8 +11,8 @@
 
 #ifdef SAGA_MAY_NEON
 
-uint32_t saga_splats__neon(saga_splat *to, const saga_primitive *p,
-                           uint32_t n, const saga_look *look)
+uint32_t saga_splats__neon(saga_splat *to, const saga_primitive *p, uint32_t n,
+                           const saga_look *look)
 {
     return splats_lanes(to, p, n, look);
 }

@@ -68,9 +68,9 @@ int memcmp(const void *a, const void *b, size_t n)
 #define SYSTICK_CONTROL (*(volatile uint32_t *)0xe000e010u)
 #define SYSTICK_RELOAD (*(volatile uint32_t *)0xe000e014u)
 #define SYSTICK_VALUE (*(volatile uint32_t *)0xe000e018u)
-#define SYSTICK_ON 7u            /* bits that enable it, with interrupts, on the
-                                  * processor clock */
-#define SYSTICK_MOST 0xffffffu   /* it counts down from this value (24 bits) */
+/* Bits that enable it, with interrupts, on the processor clock. */
+#define SYSTICK_ON 7u
+#define SYSTICK_MOST 0xffffffu /* it counts down from this value (24 bits) */
 
 static volatile uint32_t turns;
 
@@ -84,7 +84,7 @@ static void start_timer(void)
     SYSTICK_RELOAD = SYSTICK_MOST;
     SYSTICK_VALUE = 0;
     SYSTICK_CONTROL = SYSTICK_ON;
-    while (SYSTICK_VALUE == 0)   /* reloading takes a clock cycle */
+    while (SYSTICK_VALUE == 0) /* reloading takes a clock cycle */
         ;
 }
 
@@ -146,7 +146,8 @@ static const struct {
     uint32_t *stack;
     handler reset, exception[14];
 } vectors __attribute__((section(".vectors"), used)) = {
-    boot_stack_top, boot_reset,
+    boot_stack_top,
+    boot_reset,
     { on_fault, on_fault, on_fault, on_fault, on_fault, on_fault, on_fault,
       on_fault, on_fault, on_fault, on_fault, on_fault, on_fault, on_tick }
 };

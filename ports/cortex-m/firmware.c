@@ -122,11 +122,11 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
 /* A picture of a segment, with its checksums and times. */
 typedef struct {
     saga_camera camera;
-    uint32_t index;              /* index of the camera in the rig */
+    uint32_t index; /* index of the camera in the rig */
     int32_t t;
-    int file;                    /* handle of the file on the host; -1: none */
+    int file; /* handle of the file on the host; -1: none */
     uint32_t primitives, splats, frame; /* checksums */
-    uint64_t view, draw;         /* ticks that saga_view and drawing took */
+    uint64_t view, draw; /* ticks that saga_view and drawing took */
 } picture;
 
 static saga_status draw_strip(picture *p, const saga_decoder *dec, int32_t y0,
@@ -135,8 +135,12 @@ static saga_status draw_strip(picture *p, const saga_decoder *dec, int32_t y0,
     const size_t stride = 3u * p->camera.width;
     const size_t n = stride * (size_t)(y1 - y0);
     const saga_picture to = { memory.strip, stride, sizeof memory.strip, 8 };
-    saga_job job = { .x1 = p->camera.width, .y0 = y0, .y1 = y1, .tile = TILE,
-                     .list_capacity = LIST, .scratch = memory.scratch,
+    saga_job job = { .x1 = p->camera.width,
+                     .y0 = y0,
+                     .y1 = y1,
+                     .tile = TILE,
+                     .list_capacity = LIST,
+                     .scratch = memory.scratch,
                      .scratch_nbytes = sizeof memory.scratch };
     const uint64_t begin = boot_ticks();
     saga_status s;
@@ -149,7 +153,8 @@ static saga_status draw_strip(picture *p, const saga_decoder *dec, int32_t y0,
         return s;
     p->frame = saga_crc32c(p->frame, memory.strip, n);
     return p->file < 0 || semihost_write(p->file, memory.strip, n)
-        ? SAGA_OK : SAGA_ERR_SPACE;
+               ? SAGA_OK
+               : SAGA_ERR_SPACE;
 }
 
 static saga_status draw(picture *p, const saga_decoder *dec)
@@ -158,8 +163,9 @@ static saga_status draw(picture *p, const saga_decoder *dec)
     int32_t y;
 
     for (y = 0; y < p->camera.height && !s; y += TILE)
-        s = draw_strip(p, dec, y, y + TILE < p->camera.height
-                                  ? y + TILE : p->camera.height);
+        s = draw_strip(p, dec, y,
+                       y + TILE < p->camera.height ? y + TILE
+                                                   : p->camera.height);
     return s;
 }
 
@@ -184,8 +190,8 @@ static int begin_ppm(const char *path, const saga_camera *c)
     *end++ = '\n';
     end = put_decimal(end, 255);
     *end++ = '\n';
-    return file >= 0 && semihost_write(file, text, (size_t)(end - text))
-        ? file : -1;
+    return file >= 0 && semihost_write(file, text, (size_t)(end - text)) ? file
+                                                                         : -1;
 }
 
 /* --- A stream ------------------------------------------------------------ */
@@ -238,8 +244,8 @@ static void tell(const picture *p, const saga_decoder *dec, const stream *f,
 }
 
 /* Draws and reports a picture of the decoded segment. */
-static int show(picture p, saga_decoder *dec, const stream *f,
-                uint32_t segment, const char *path)
+static int show(picture p, saga_decoder *dec, const stream *f, uint32_t segment,
+                const char *path)
 {
     saga_status s = look(&p, dec, f);
 

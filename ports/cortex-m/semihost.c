@@ -3,8 +3,12 @@
 
 /* The operations, from Arm's "Semihosting for AArch32 and AArch64". */
 enum {
-    SYS_OPEN = 0x01, SYS_CLOSE = 0x02, SYS_WRITE0 = 0x04, SYS_WRITE = 0x05,
-    SYS_GET_CMDLINE = 0x15, SYS_EXIT_EXTENDED = 0x20
+    SYS_OPEN = 0x01,
+    SYS_CLOSE = 0x02,
+    SYS_WRITE0 = 0x04,
+    SYS_WRITE = 0x05,
+    SYS_GET_CMDLINE = 0x15,
+    SYS_EXIT_EXTENDED = 0x20
 };
 
 enum { OPEN_WRITE_BINARY = 5 };
@@ -87,7 +91,7 @@ int semihost_write(int file, const void *p, size_t n)
 {
     const uint32_t block[3] = { (uint32_t)file, address(p), (uint32_t)n };
 
-    return call(SYS_WRITE, block) == 0;  /* bytes not written */
+    return call(SYS_WRITE, block) == 0; /* bytes not written */
 }
 
 void semihost_close(int file)

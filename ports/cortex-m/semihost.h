@@ -12,7 +12,7 @@
 
 void semihost_text(const char *text);
 void semihost_decimal(uint32_t x);
-void semihost_hex(uint32_t x);   /* 8 digits */
+void semihost_hex(uint32_t x); /* 8 digits */
 
 /* Copies the words after the program's name on the host's command line to
  * text[0..n), n >= 1; copies "" if there are none or they do not fit. */

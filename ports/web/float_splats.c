@@ -5,20 +5,24 @@
  */
 #include "float_splats.h"
 
-#define LOW_PASS 0.1f            /* square pixels */
-#define K 0.72134752f            /* log2(e) / 2 */
-#define BORDER 0.15f             /* of a side: slopes are not taken beyond */
+#define LOW_PASS 0.1f /* square pixels */
+#define K 0.72134752f /* log2(e) / 2 */
+#define BORDER 0.15f  /* of a side: slopes are not taken beyond */
 #define LN2 0.69314718f
-#define FARTHEST 32768.0f        /* pixels of a mean from the middle */
-#define REACH_2 16.0f            /* (standard deviations)^2: below 11 / K */
+#define FARTHEST 32768.0f /* pixels of a mean from the middle */
+#define REACH_2 16.0f     /* (standard deviations)^2: below 11 / K */
 
 enum {
     LANES = 4,
-    X = 0, QUAT = 3, SCALE = 7, Q0 = 10, N_FIELDS, /* of saga_animated */
-    MIDDLE = 32768,              /* of a segment, in time */
-    RUN = 64,                    /* primitives that are animated together */
-    DIGIT = 12,                  /* bits that are sorted at a time: depths
-                                  * mostly differ by less than 2^24 */
+    X = 0,
+    QUAT = 3,
+    SCALE = 7,
+    Q0 = 10,
+    N_FIELDS,       /* of saga_animated */
+    MIDDLE = 32768, /* of a segment, in time */
+    RUN = 64,       /* primitives that are animated together */
+    DIGIT = 12,     /* bits that are sorted at a time: depths
+                     * mostly differ by less than 2^24 */
     N_DIGITS = 1 << DIGIT
 };
 
@@ -26,33 +30,33 @@ typedef float floats __attribute__((vector_size(4 * LANES)));
 typedef int32_t ints __attribute__((vector_size(4 * LANES)));
 
 typedef struct {
-    int32_t middle[3];           /* the position at t = MIDDLE */
+    int32_t middle[3]; /* the position at t = MIDDLE */
     uint16_t q15[3];
-    uint16_t known;              /* KEPT_* */
+    uint16_t known; /* KEPT_* */
 } colour;
 
 typedef struct {
     uint32_t depth;
-    uint32_t made;               /* index in parts.made */
+    uint32_t made; /* index in parts.made */
 } key;
 
 /* The memory for n primitives is divided into these parts. */
 typedef struct {
-    saga_splat *sorted;          /* (n) */
-    saga_splat *made;            /* (n) in the order of primitives */
-    colour *colours;             /* (n) of primitives */
-    uint32_t *prim;              /* (n) of each that is made */
-    uint32_t *list;              /* (n) of primitives whose colours are new */
-    int32_t (*middle)[3];        /* (n) of these */
-    key *keys, *other_keys;      /* (n) */
-    uint32_t *place;             /* (N_DIGITS) */
+    saga_splat *sorted;     /* (n) */
+    saga_splat *made;       /* (n) in the order of primitives */
+    colour *colours;        /* (n) of primitives */
+    uint32_t *prim;         /* (n) of each that is made */
+    uint32_t *list;         /* (n) of primitives whose colours are new */
+    int32_t (*middle)[3];   /* (n) of these */
+    key *keys, *other_keys; /* (n) */
+    uint32_t *place;        /* (N_DIGITS) */
 } parts;
 
 /* A camera in pixels and box units. */
 typedef struct {
     float w[9];
     float focal[2], principal[2], half[2], lo[2], hi[2];
-    float near_plane;            /* the smallest depth that rounds to it */
+    float near_plane; /* the smallest depth that rounds to it */
     const saga_camera *camera;
 } lens;
 
@@ -65,11 +69,11 @@ typedef struct {
 
 /* The projection computes these values. */
 typedef struct {
-    floats v[3];                 /* the camera's coordinates */
+    floats v[3]; /* the camera's coordinates */
     floats mean[2], slope[2];
-    floats t[2][3];              /* the ellipsoid's axes in pixels */
+    floats t[2][3]; /* the ellipsoid's axes in pixels */
     floats g, n, h;
-    ints out;                    /* -1: no splat */
+    ints out; /* -1: no splat */
 } projected;
 
 /* --- Vectors ------------------------------------------------------------- */
@@ -119,8 +123,10 @@ static inline floats exp2_q10(ints x)
 {
     const ints whole = (x + 512) >> 10;
     const floats y = to_floats(x - (whole << 10)) * (LN2 / 1024.0f);
-    const floats e = 1.0f + y * (1.0f + y * (1.0f / 2 + y * (1.0f / 6 + y *
-        (1.0f / 24 + y * (1.0f / 120)))));
+    const floats e =
+        1.0f +
+        y * (1.0f + y * (1.0f / 2 +
+                         y * (1.0f / 6 + y * (1.0f / 24 + y * (1.0f / 120)))));
 
     return e * (floats)((whole + 127) << 23);
 }
@@ -200,8 +206,8 @@ static inline void project_axes(projected *p, const batch *b, const lens *l)
     rotate(r, b);
     for (i = 0; i < 2; i++) {
         for (k = 0; k < 3; k++)
-            u[k] = (l->focal[i] * l->w[3 * i + k] -
-                    p->slope[i] * l->w[6 + k]) * recip;
+            u[k] = (l->focal[i] * l->w[3 * i + k] - p->slope[i] * l->w[6 + k]) *
+                   recip;
         for (k = 0; k < 3; k++)
             p->t[i][k] = (u[0] * r[k] + u[1] * r[3 + k] + u[2] * r[6 + k]) *
                          exp2_q10(field(b, SCALE + k));
@@ -229,8 +235,8 @@ static inline void find_conics(projected *p, const lens *l)
     p->g = a[1] * (p->h * root(1.0f / det));
     p->n = b * (p->h * root(1.0f / det));
     for (i = 0; i < 2; i++) {
-        const floats beyond = higher(size_of(p->mean[i] - l->half[i]) -
-                                     l->half[i], (floats){ 0 });
+        const floats beyond = higher(
+            size_of(p->mean[i] - l->half[i]) - l->half[i], (floats){ 0 });
 
         p->out |= beyond * beyond > REACH_2 * a[i];
     }
@@ -366,7 +372,7 @@ static int find_colours(const parts *m, saga_decoder *dec, uint32_t n,
     }
     /* Computes these together, and keeps them. */
     if (saga_colours_at(m->sorted, dec, m->list, n_new, from,
-                        (const int32_t (*)[3])m->middle))
+                        (const int32_t(*)[3])m->middle))
         return 0;
     for (i = 0; i < n_new; i++) {
         colour *const c = m->colours + m->list[i];
@@ -437,7 +443,7 @@ static void forget(const parts *m, uint32_t n, kept_splats kept)
 uint64_t float_splats_nbytes(uint32_t n)
 {
     return n * (uint64_t)(2 * sizeof(saga_splat) + sizeof(colour) +
-                         2 * sizeof(key) + 20) +
+                          2 * sizeof(key) + 20) +
            4 * N_DIGITS;
 }
 
@@ -455,7 +461,7 @@ int32_t float_splats(void *memory, saga_decoder *dec, uint32_t n,
     m.colours = (colour *)(void *)(m.made + n);
     m.prim = (uint32_t *)(void *)(m.colours + n);
     m.list = m.prim + n;
-    m.middle = (int32_t (*)[3])(void *)(m.list + n);
+    m.middle = (int32_t(*)[3])(void *)(m.list + n);
     m.keys = (key *)(void *)(m.middle + n);
     m.other_keys = m.keys + n;
     m.place = (uint32_t *)(void *)(m.other_keys + n);
@@ -463,8 +469,7 @@ int32_t float_splats(void *memory, saga_decoder *dec, uint32_t n,
         forget(&m, n, kept);
     look_through(&l, camera);
     n_made = make(&m, dec, n, &l, t);
-    if (n_made < 0 ||
-        !find_colours(&m, dec, (uint32_t)n_made, camera->centre))
+    if (n_made < 0 || !find_colours(&m, dec, (uint32_t)n_made, camera->centre))
         return -1;
     sort(&m, (uint32_t)n_made);
     return n_made;

@@ -13,8 +13,8 @@
  * which they are computed on the segment only. */
 typedef enum {
     KEPT_NOTHING,
-    KEPT_POSITIONS,              /* of this segment */
-    KEPT_COLOURS                 /* and the colours seen from this place */
+    KEPT_POSITIONS, /* of this segment */
+    KEPT_COLOURS    /* and the colours seen from this place */
 } kept_splats;
 
 /* Returns the size of the memory for n primitives. */

@@ -17,12 +17,12 @@
 #include "saga.h"
 
 enum {
-    PAGE = 65536,           /* bytes by which WebAssembly's memory grows */
+    PAGE = 65536, /* bytes by which WebAssembly's memory grows */
     ALIGN = 64,
     TILE = 32,
-    LIST = 1 << 15,         /* splats that a band sees at a time */
-    RUN = 64,               /* primitives that are animated together */
-    INVISIBLE_Q0 = 1 << 26  /* an opacity of 2^-61 */
+    LIST = 1 << 15,        /* splats that a band sees at a time */
+    RUN = 64,              /* primitives that are animated together */
+    INVISIBLE_Q0 = 1 << 26 /* an opacity of 2^-61 */
 };
 
 /* saga_info for JavaScript, which reads all structures as 32-bit integers. */
@@ -38,18 +38,18 @@ typedef struct {
 typedef struct {
     int32_t rotation_q30[9], centre[3], focal_q16[2], principal_q16[2];
     int32_t near_plane, width, height, background_q15[3];
-    int32_t number;         /* in the capture */
+    int32_t number; /* in the capture */
 } web_camera;
 
 typedef struct {
     uint32_t number, first_frame, n_frames;
-    uint32_t offset[2];     /* low half, high half */
+    uint32_t offset[2]; /* low half, high half */
     uint32_t nbytes;
     int32_t t;
 } web_segment;
 
 typedef struct {
-    uint32_t offset;        /* in the head's memory */
+    uint32_t offset; /* in the head's memory */
     uint32_t nbytes;
     int32_t start;
 } web_sound;
@@ -148,8 +148,8 @@ EXPORT(saga_web_status_text) const char *saga_web_status_text(int32_t status);
 
 /* A function of JavaScript. It returns a value other than 0 if decoding takes
  * too long and should stop. */
-__attribute__((import_module("env"), import_name("stop")))
-int32_t saga_web_stop(void);
+__attribute__((import_module("env"), import_name("stop"))) int32_t
+saga_web_stop(void);
 
 /* --- State --------------------------------------------------------------- */
 
@@ -158,7 +158,7 @@ static struct {
     saga_decoder *dec;
     uint8_t *head, *work, *input;
     size_t head_nbytes;
-    saga_camera view;       /* of the last saga_web_view */
+    saga_camera view;   /* of the last saga_web_view */
     saga_camera looked; /* of the last saga_web_splats, whose colours are in the
                          * input's memory; width 0: they are gone */
     web_info told;
@@ -187,8 +187,8 @@ static int reach(const uint8_t *from, uint64_t nbytes)
         return 1;
     if (end > 0xffff0000u)
         return 0;
-    return __builtin_wasm_memory_grow(0, (size_t)((end - have + PAGE - 1) /
-                                                  PAGE)) != (size_t)-1;
+    return __builtin_wasm_memory_grow(
+               0, (size_t)((end - have + PAGE - 1) / PAGE)) != (size_t)-1;
 }
 
 /* --- Time limit ---------------------------------------------------------- */
@@ -212,7 +212,7 @@ uint8_t *saga_web_head(uint32_t nbytes)
     return reach(web.head, nbytes) ? web.head : NULL;
 }
 
-static void tell_info(void)
+static void write_info(void)
 {
     const saga_info *const from = &web.info;
     web_info *const to = &web.told;
@@ -241,7 +241,7 @@ int32_t saga_web_probe(void)
     const saga_status s = saga_probe(&web.info, web.head, web.head_nbytes);
 
     if (s == SAGA_OK)
-        tell_info();
+        write_info();
     return s;
 }
 
@@ -328,8 +328,8 @@ int32_t saga_web_find(uint32_t frame_num, uint32_t frame_den)
 {
     web_segment *const to = &web.segment;
     saga_segment seg;
-    const saga_status s = saga_find(&seg, web.head, web.head_nbytes,
-                                    frame_num, frame_den);
+    const saga_status s = saga_find(&seg, web.head, web.head_nbytes, frame_num,
+                                    frame_den);
 
     if (s)
         return s;
@@ -503,7 +503,9 @@ static kept_splats kept_for(const int32_t *centre)
     if (!c->width)
         return KEPT_NOTHING;
     return c->centre[0] == centre[0] && c->centre[1] == centre[1] &&
-           c->centre[2] == centre[2] ? KEPT_COLOURS : KEPT_POSITIONS;
+                   c->centre[2] == centre[2]
+               ? KEPT_COLOURS
+               : KEPT_POSITIONS;
 }
 
 const saga_splat *saga_web_splats(int32_t t)

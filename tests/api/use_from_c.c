@@ -79,6 +79,6 @@ int main(int argc, char **argv)
         return 1;
     }
     printf("%08lx\n", (unsigned long)saga_crc32c(
-               0, rgb, 3u * camera.width * (size_t)camera.height));
+                          0, rgb, 3u * camera.width * (size_t)camera.height));
     return 0;
 }

@@ -239,8 +239,7 @@ static void die_filling(const char *path)
         int lock;
         const char *const name = saga_output_folder(path, &lock, &error);
 
-        if (!name || chdir(name) || mkdir("in", 0700) ||
-            !fopen("in/file", "w"))
+        if (!name || chdir(name) || mkdir("in", 0700) || !fopen("in/file", "w"))
             _exit(1);
         _exit(0);
     }
@@ -299,8 +298,10 @@ TEST_WITH(parts_should_go_when_abandoned, NULL, clear)
 TEST_WITH(files_of_the_user_should_stay, NULL, clear)
 {
     static const char *const names[] = {
-        "a.part", "a.XXXXXX", "a.saga-part", "a.saga-part-", "a.saga-part-x",
-        "a.saga-part-12x", "ba.saga-part-1-2", "a.ckpt.saga-part-1-2"
+        "a.part",           "a.XXXXXX",
+        "a.saga-part",      "a.saga-part-",
+        "a.saga-part-x",    "a.saga-part-12x",
+        "ba.saga-part-1-2", "a.ckpt.saga-part-1-2"
     };
     const int n = (int)(sizeof names / sizeof *names);
 

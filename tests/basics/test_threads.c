@@ -37,9 +37,9 @@ static int tear_down(void **state)
 
 typedef struct {
     atomic_int done[MANY];
-    atomic_int at_once[MOST];    /* parts that a thread works on at the same
-                                  * time */
-    atomic_size_t highest;       /* the highest thread number */
+    atomic_int at_once[MOST]; /* parts that a thread works on at the same
+                               * time */
+    atomic_size_t highest;    /* the highest thread number */
 } record;
 
 static void note(void *user, size_t part)
@@ -82,11 +82,10 @@ TEST(short_work_should_follow_upon_short_work)
     omp_set_num_threads(3);
     memset(&r, 0, sizeof r);
     for (size_t i = 0; i < 20000; i++)
-        saga_parallel(&(saga_tasks){ .run = note, .user = &r,
-                                     .n = 1 + i % 7 });
+        saga_parallel(&(saga_tasks){ .run = note, .user = &r, .n = 1 + i % 7 });
     for (size_t i = 0; i < 7; i++)
         assert_int_equal(r.done[i], 20000 / 7 * (7 - i) +
-                                    (i < 20000 % 7 ? 20000 % 7 - i : 0));
+                                        (i < 20000 % 7 ? 20000 % 7 - i : 0));
 }
 
 TEST(numbers_should_stay_below_what_there_is_scratch_for)
@@ -95,8 +94,8 @@ TEST(numbers_should_stay_below_what_there_is_scratch_for)
 
     omp_set_num_threads(MOST);
     for (int i = 0; i < 100; i++) {
-        saga_parallel(&(saga_tasks){ .run = note, .user = &r, .n = MANY,
-                                     .most = 2 });
+        saga_parallel(
+            &(saga_tasks){ .run = note, .user = &r, .n = MANY, .most = 2 });
         assert_true(r.highest < 2);
     }
 }
@@ -117,8 +116,8 @@ TEST(threads_should_keep_to_their_shares)
 
     omp_set_num_threads(TEAM);
     for (int round = 0; saga_n_threads() == TEAM && round < 300; round++) {
-        saga_parallel(&(saga_tasks){ .run = note_owner, .user = owner,
-                                     .n = TEAM * EACH, .ns = 1e6 });
+        saga_parallel(&(saga_tasks){
+            .run = note_owner, .user = owner, .n = TEAM * EACH, .ns = 1e6 });
         for (size_t i = 0; i < TEAM * EACH; i++)
             if (i % EACH > 0 && owner[i] == i / EACH)
                 assert_int_equal(owner[i - 1], i / EACH);
@@ -135,11 +134,11 @@ static void note_apart(void *user, size_t part)
 TEST(work_in_work_should_be_done_by_who_has_it)
 {
     static record r[8];
-    const size_t before = saga_n_meetings();
+    const size_t before = saga_n_regions();
 
     omp_set_num_threads(3);
     saga_parallel(&(saga_tasks){ .run = note_apart, .user = r, .n = 8 });
-    assert_int_equal(saga_n_meetings(), before + 1);
+    assert_int_equal(saga_n_regions(), before + 1);
     for (size_t i = 0; i < 8; i++)
         for (size_t k = 0; k < 50; k++)
             assert_int_equal(r[i].done[k], 1);
@@ -158,8 +157,10 @@ TEST(little_work_should_be_done_by_one)
     saga_set_least_work(SAGA_LEAST_WORK);
     omp_set_num_threads(3);
     for (int i = 0; i < 1000; i++)
-        saga_parallel(&(saga_tasks){ .run = note_thread, .user = &self,
-                                     .n = 100, .ns = SAGA_LEAST_WORK });
+        saga_parallel(&(saga_tasks){ .run = note_thread,
+                                     .user = &self,
+                                     .n = 100,
+                                     .ns = SAGA_LEAST_WORK });
 #ifdef _OPENMP
     assert_int_equal(saga_team(2.5 * SAGA_LEAST_WORK), 2);
     assert_int_equal(saga_team(1e9), 3);
@@ -186,8 +187,8 @@ TEST(caller_should_wait_until_all_is_done)
     for (int i = 0; i < 50; i++) {
         atomic_int n = 0;
 
-        saga_parallel(&(saga_tasks){ .run = wait_for_other, .user = &n,
-                                     .n = 200, .ns = 1e6 });
+        saga_parallel(&(saga_tasks){
+            .run = wait_for_other, .user = &n, .n = 200, .ns = 1e6 });
         assert_int_equal(n, 200);
     }
 }
@@ -195,8 +196,9 @@ TEST(caller_should_wait_until_all_is_done)
 TEST(spans_should_be_cleared_whole)
 {
     static unsigned char a[100001], b[3];
-    const saga_span spans[] = { { a + 1, sizeof a - 2 }, { NULL, 1000 },
-                                { b, 0 }, { b + 1, 1 } };
+    const saga_span spans[] = {
+        { a + 1, sizeof a - 2 }, { NULL, 1000 }, { b, 0 }, { b + 1, 1 }
+    };
 
     omp_set_num_threads(3);
     memset(a, 0xa5, sizeof a);

@@ -11,13 +11,13 @@
 
 /* The ranges of the first and second byte, and the length of a character; all
  * further bytes are 80 to BF. */
-static const struct { uint8_t lo, hi, second_lo, second_hi, n; } row[] = {
-    { 0x00, 0x7f, 0, 0, 1 }, { 0xc2, 0xdf, 0x80, 0xbf, 2 },
-    { 0xe0, 0xe0, 0xa0, 0xbf, 3 }, { 0xe1, 0xec, 0x80, 0xbf, 3 },
-    { 0xed, 0xed, 0x80, 0x9f, 3 }, { 0xee, 0xef, 0x80, 0xbf, 3 },
-    { 0xf0, 0xf0, 0x90, 0xbf, 4 }, { 0xf1, 0xf3, 0x80, 0xbf, 4 },
-    { 0xf4, 0xf4, 0x80, 0x8f, 4 }
-};
+static const struct {
+    uint8_t lo, hi, second_lo, second_hi, n;
+} row[] = { { 0x00, 0x7f, 0, 0, 1 },       { 0xc2, 0xdf, 0x80, 0xbf, 2 },
+            { 0xe0, 0xe0, 0xa0, 0xbf, 3 }, { 0xe1, 0xec, 0x80, 0xbf, 3 },
+            { 0xed, 0xed, 0x80, 0x9f, 3 }, { 0xee, 0xef, 0x80, 0xbf, 3 },
+            { 0xf0, 0xf0, 0x90, 0xbf, 4 }, { 0xf1, 0xf3, 0x80, 0xbf, 4 },
+            { 0xf4, 0xf4, 0x80, 0x8f, 4 } };
 
 static size_t by_table(const uint8_t *p, size_t n)
 {
@@ -85,17 +85,15 @@ TEST(foreign_text_should_not_act_on_what_shows_it)
     copy("a\342\200\256b\342\200\213\342\200\250",
          "a%E2%80%AEb%E2%80%8B%E2%80%A8");
     copy("\363\240\201\201", "%F3%A0%81%81");
-    assert_false(saga_fail(&error, "a\033[2J.png", "give %s", "is %s",
-                           "\r\n\302\205"));
-    assert_string_equal(error.message,
-                        "a%1B[2J.png: is %0D%0A%C2%85; give %s");
+    assert_false(
+        saga_fail(&error, "a\033[2J.png", "give %s", "is %s", "\r\n\302\205"));
+    assert_string_equal(error.message, "a%1B[2J.png: is %0D%0A%C2%85; give %s");
 }
 
 TEST(names_should_end_behind_a_character)
 {
-    static const char *const tail[] = {
-        "\303\251", "\342\202\254", "\360\237\230\200", "\351", "\303"
-    };
+    static const char *const tail[] = { "\303\251", "\342\202\254",
+                                        "\360\237\230\200", "\351", "\303" };
     static const size_t wanted[] = { 63, 61, 61, 61, 61 };
     char name[SAGA_NAME_NBYTES], text[80];
 
@@ -127,8 +125,7 @@ TEST(notes_should_be_text)
 TEST(notes_of_one_kind_should_be_one_line)
 {
     static const char *const wanted[] = {
-        "dark: c0 (-1); see\nx: y\n",
-        "dark: c0 (-1), c1 (-1); see\nx: y\n",
+        "dark: c0 (-1); see\nx: y\n", "dark: c0 (-1), c1 (-1); see\nx: y\n",
         "dark: c0 (-1), c1 (-1), c2 (-1); see\nx: y\n",
         "dark: c0 (-1), c1 (-1), c2 (-1) and 1 more; see\nx: y\n",
         "dark: c0 (-1), c1 (-1), c2 (-1) and 2 more; see\nx: y\n"

@@ -37,7 +37,8 @@ TEST(derivatives_should_be_finite_differences)
     const double step = 1e-6;
     const double place[3] = { 0.3, -0.7, 2.1 }, at[2] = { 17, 33 };
     saga_pinhole c = { { 0.8, 0.6, 0, -0.6, 0.8, 0, 0, 0, 1 },
-                       { 0.2, -0.1, 0.9 }, { 310, 290, 121, 66 } };
+                       { 0.2, -0.1, 0.9 },
+                       { 310, 290, 121, 66 } };
     double off[2], more[2], less[2], j[2][SAGA_BUNDLE_N], q[2][3];
     double j_[2][SAGA_BUNDLE_N], q_[2][3];
 
@@ -120,8 +121,11 @@ TEST(adjustment_should_find_what_was_disturbed)
     static saga_sight sights[N_PLACES * N_VIEWS];
     static const double origin[2];
     saga_pinhole right[N_VIEWS], moved[N_VIEWS];
-    saga_bundle b = { .cameras = moved, .n_cameras = N_VIEWS, .within = 1,
-                      .places = places, .n_places = N_PLACES };
+    saga_bundle b = { .cameras = moved,
+                      .n_cameras = N_VIEWS,
+                      .within = 1,
+                      .places = places,
+                      .n_places = N_PLACES };
     double before, after, j[2][SAGA_BUNDLE_N], q[2][3];
 
     for (int v = 0; v < N_VIEWS; v++)
@@ -137,15 +141,14 @@ TEST(adjustment_should_find_what_was_disturbed)
             saga_sight *const s = &sights[b.n_sights++];
 
             *s = (saga_sight){ .camera = v, .place = (size_t)i };
-            assert_true(saga_bundle_differ(s->at, j, q, &right[v], truth[i],
-                                           origin));
+            assert_true(
+                saga_bundle_differ(s->at, j, q, &right[v], truth[i], origin));
             for (int k = 0; k < 2; k++)
                 s->at[k] += v > 1 && even() > 0.95 ? 40 * even() : 0.1 * even();
         }
-        assert_true(saga_bundle_meet(places[i], moved, sights + i * N_VIEWS,
-                                     2) ||
-                    saga_bundle_meet(places[i], moved, sights + i * N_VIEWS,
-                                     N_VIEWS));
+        assert_true(
+            saga_bundle_meet(places[i], moved, sights + i * N_VIEWS, 2) ||
+            saga_bundle_meet(places[i], moved, sights + i * N_VIEWS, N_VIEWS));
     }
     b.sights = sights;
     before = differ(right, moved, truth);
@@ -185,12 +188,13 @@ TEST(third_sight_should_tell_what_pairs_cannot)
     bool front;
 
     for (int v = 0; v < 3; v++) {
-        c[v] = (saga_pinhole){ { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, { -v, 0, 0 },
+        c[v] = (saga_pinhole){ { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                               { -v, 0, 0 },
                                { 300, 300, 160, 90 } };
         s[v] = distant[v] = (saga_sight){ .camera = v };
-        assert_true(saga_bundle_differ(s[v].at, j, q, &c[v], place, origin) &&
-                    saga_bundle_differ(distant[v].at, j, q, &c[v], far,
-                                       origin));
+        assert_true(
+            saga_bundle_differ(s[v].at, j, q, &c[v], place, origin) &&
+            saga_bundle_differ(distant[v].at, j, q, &c[v], far, origin));
     }
     for (size_t k = 0; k < 3; k++) {
         assert_true(saga_transfer_off(c, s, 3, k) < 1e-9);
@@ -215,12 +219,14 @@ TEST(tracks_should_link_matches_of_pairs)
     saga_feature f[3][3] = { { { .x = 0 } } };
     saga_features features[3] = { { f[0], 3 }, { f[1], 3 }, { f[2], 3 } };
     saga_match ab[2] = { { .of_a = 1, .of_b = 2 }, { .of_a = 0, .of_b = 0 } };
-    saga_match bc[3] = { { .of_a = 2, .of_b = 0 }, { .of_a = 0, .of_b = 1 },
+    saga_match bc[3] = { { .of_a = 2, .of_b = 0 },
+                         { .of_a = 0, .of_b = 1 },
                          { .of_a = 1, .of_b = 1 } };
     saga_pair list[2] = { { 0, 1, 2, ab }, { 1, 2, 3, bc } };
     const saga_capture c = { .n_views = 3 };
-    const saga_pairs pairs = { .capture = &c, .features = features,
-                               .list = list, .n = 2 };
+    const saga_pairs pairs = {
+        .capture = &c, .features = features, .list = list, .n = 2
+    };
     FREED_BY(saga_tracks_free) saga_tracks t;
 
     for (int v = 0; v < 3; v++)
@@ -255,7 +261,7 @@ static saga_refinement refine(const saga_capture *c)
 TEST(refinement_should_help_disturbed_cameras_only)
 {
     saga_capture c = *(const saga_capture *)*state;
-    FREED saga_shot *const views = must(malloc(N_VIEWS * sizeof *views));
+    FREED saga_source_view *const views = must(malloc(N_VIEWS * sizeof *views));
     saga_refinement right = refine(&c), r;
 
     memcpy(views, c.views, N_VIEWS * sizeof *views);

@@ -33,12 +33,12 @@ typedef struct {
     const char *table, *name;
     int first;
     double units;
-    int matrix;              /* the rotation is 3 x 3 */
+    int matrix; /* the rotation is 3 x 3 */
 } form;
 
 static void put_camera(bytes *b, const form *o, int view)
 {
-    const saga_shot *const s = &scene.views[view];
+    const saga_source_view *const s = &scene.views[view];
     const double *const r = s->rotation, *const t = s->translation;
 
     put_text(b, o->table, view + o->first);
@@ -47,14 +47,16 @@ static void put_camera(bytes *b, const form *o, int view)
         put_text(b, o->name, view + o->first);
         put_text(b, "\"\n");
     }
-    put_text(b, "size = [ %d.0, %d,]\ndistortions = [ 0.0, 0.0, 0.0, 0.0]\n"
+    put_text(b,
+             "size = [ %d.0, %d,]\ndistortions = [ 0.0, 0.0, 0.0, 0.0]\n"
              "matrix = [ [ %.17g, 0.0, %.17g,], [ 0.0, %.17g, %.17g,], "
-             "[ 0.0, 0.0, 1.0,],]\nrotation = ", W, H, s->fx, s->cx - 0.5,
-             s->fy, s->cy - 0.5);
+             "[ 0.0, 0.0, 1.0,],]\nrotation = ",
+             W, H, s->fx, s->cx - 0.5, s->fy, s->cy - 0.5);
     if (o->matrix)
-        put_text(b, "[[%.17g, %.17g, %.17g], [%.17g, %.17g, %.17g], "
-                 "[%.17g, %.17g, %.17g]]", r[0], r[1], r[2], r[3], r[4], r[5],
-                 r[6], r[7], r[8]);
+        put_text(b,
+                 "[[%.17g, %.17g, %.17g], [%.17g, %.17g, %.17g], "
+                 "[%.17g, %.17g, %.17g]]",
+                 r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
     else
         put_turn(b, r);
     put_text(b, "\ntranslation = [%.17g, %.17g, %.17g]\nfisheye = false\n\n",
@@ -74,7 +76,7 @@ static void write_calibration(folder *f, const char *name, const form *o)
 /* Loads the capture and compares it with the scene, except names and the unit.
  * Returns the metres in its unit of length; 0: unknown. */
 static double check_form(folder *f, const char *layout, const form *o,
-                       const char *names)
+                         const char *names)
 {
     saga_capture c = load(f->path);
     double most = 0;
@@ -84,7 +86,7 @@ static double check_form(folder *f, const char *layout, const form *o,
     assert_true(o->units == 1 || strstr(c.notes, "--metres 0.001"));
     assert_true(o->units != 1 || !strstr(c.notes, "unit:"));
     for (int v = 0; v < N_VIEWS; v++) {
-        saga_shot want = scene.views[v];
+        saga_source_view want = scene.views[v];
 
         snprintf(want.name, sizeof want.name, names, v + o->first);
         for (int i = 0; i < 3; i++)
@@ -115,19 +117,19 @@ TEST_IN_FOLDER(layouts_should_be_the_scene)
     check_form(f, "caliscope", &o, "cam_%d");
     o.matrix = 1;
     write_calibration(f, "camera_array.toml", &o);
-    assert_true(check_form(f, "caliscope, rotations as matrices", &o,
-                           "cam_%d") == 1);
+    assert_true(
+        check_form(f, "caliscope, rotations as matrices", &o, "cam_%d") == 1);
     folder_run(f, "rm *.toml");
     write_calibration(f, "calibration.toml", &anipose);
     check_form(f, "Anipose, in millimetres", &anipose, "cam%02d");
     /* FreeMoCap has the videos one folder down. */
     folder_run(f, "mkdir synchronized_videos && mv *.mp4 synchronized_videos &&"
-               " mv calibration.toml take_camera_calibration.toml");
+                  " mv calibration.toml take_camera_calibration.toml");
     check_form(f, "FreeMoCap", &anipose, "cam%02d");
     /* Pose2Sim counts from 1, and its videos only have the same numbers. */
     folder_run(f, "rm *.toml; mkdir videos && for i in 0 1 2 3; do "
-               "mv synchronized_videos/cam0$i.mp4 videos/c$((i + 1)).MP4 || "
-               "exit; done; touch videos/._c1.MP4");
+                  "mv synchronized_videos/cam0$i.mp4 videos/c$((i + 1)).MP4 || "
+                  "exit; done; touch videos/._c1.MP4");
     write_calibration(f, "Calib_scene.toml", &pose2sim);
     check_form(f, "Pose2Sim", &pose2sim, "int_cam%d_img");
 }
@@ -142,10 +144,12 @@ static void write_camera(folder *f, const char *more)
 
     if (!saga_folder_has(f->path, "cam_0.mp4"))
         folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=64x48 "
-                   "-frames:v 2 cam_0.mp4");
-    put_text(&b, "[cam_0]\nsize = [128, 96]\n"
+                      "-frames:v 2 cam_0.mp4");
+    put_text(&b,
+             "[cam_0]\nsize = [128, 96]\n"
              "matrix = [[100, 0, 61.5], [0, 104, 50.5], [0, 0, 1]]\n"
-             "rotation = [0, 0, 0]\ntranslation = [0, 0, 0]\n%s", more);
+             "rotation = [0, 0, 0]\ntranslation = [0, 0, 0]\n%s",
+             more);
     write_bytes(f, "calibration.toml", &b);
 }
 
@@ -183,8 +187,8 @@ TEST_IN_FOLDER(lens_should_be_opencv_s_at_the_size_of_the_video)
 TEST_IN_FOLDER(fisheye_should_be_opencv_s)
 {
     const double x = 0.3, y = -0.4, a = atan(0.5), a2 = a * a;
-    const double d =
-        a * (1 + a2 * (0.1 + a2 * (0.02 + a2 * (0.03 + a2 * 0.04))));
+    const double d = a *
+                     (1 + a2 * (0.1 + a2 * (0.02 + a2 * (0.03 + a2 * 0.04))));
     FREED_BY(saga_listing_free) saga_listing l = { 0 };
     double uv[2];
 
@@ -197,16 +201,21 @@ TEST_IN_FOLDER(fisheye_should_be_opencv_s)
 
 TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
 {
-    static const struct { const char *more, *what; } t[] = {
+    static const struct {
+        const char *more, *what;
+    } t[] = {
         { "", "\"distortions\" of cam_0 is missing" },
         { "distortions = [1, 2, 3, 4, 5, 6]", "has 6 coefficients" },
         { "distortions = [1, 2, 3, 4, 5]\nfisheye = true", "but only 4" },
         { "distortions = [0]\n[cam_1]\nmatrix = [[1, 2], [3]]\nrotation = []\n"
-          "translation = 0", "\"size\" of cam_1 is missing" },
+          "translation = 0",
+          "\"size\" of cam_1 is missing" },
         { "distortions = [0]\nfisheye = maybe", "line 7: a value is not" },
         { "distortions = [0]\nsize = [1]", "line 7: a key occurs twice" },
     };
-    static const struct { const char *edit, *what; } edits[] = {
+    static const struct {
+        const char *edit, *what;
+    } edits[] = {
         { "s/128, 96/96, 128/", "calibrated with 96 x 128 pixels, the video" },
         { "s/128, 96/0, 96/", "\"size\" of cam_0 is missing or not" },
         { "s/\\[100, 0/[100, 2/", "has a skew of 2" },
@@ -241,15 +250,19 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
 TEST_IN_FOLDER(names_should_find_their_videos)
 {
     static const char *const t[][3][4] = {
-        { { "A", "B" }, { "x-camA.mp4", "x-camB.avi" },
+        { { "A", "B" },
+          { "x-camA.mp4", "x-camB.avi" },
           { "x-camA.mp4", "x-camB.avi" } },
-        { { "1", "11" }, { "cam1.mp4", "cam11.mp4" },
+        { { "1", "11" },
+          { "cam1.mp4", "cam11.mp4" },
           { "cam1.mp4", "cam11.mp4" } },
-        { { "Cam1", "cam2" }, { "a_1.mp4", "cam1.mp4", "cam2.mkv" },
+        { { "Cam1", "cam2" },
+          { "a_1.mp4", "cam1.mp4", "cam2.mkv" },
           { "cam1.mp4", "cam2.mkv" } },
         { { "cam_0", "cam_1" }, { "port_1.mp4" }, { "-", "port_1.mp4" } },
         /* A second take of one camera cannot be told from the first. */
-        { { "cam_0", "cam_1" }, { "a_0.mp4", "b_0.mp4", "b_1.mp4" },
+        { { "cam_0", "cam_1" },
+          { "a_0.mp4", "b_0.mp4", "b_1.mp4" },
           { "-", "b_1.mp4" } },
     };
 
@@ -260,10 +273,12 @@ TEST_IN_FOLDER(names_should_find_their_videos)
         int n = 0;
 
         for (int k = 0; k < 4 && t[i][0][k]; k++)
-            put_text(&b, "[c%d]\nname = '%s'\nsize = [64, 48]\n"
+            put_text(&b,
+                     "[c%d]\nname = '%s'\nsize = [64, 48]\n"
                      "matrix = [99, 0, 31, 0, 99, 23, 0, 0, 1]\n"
                      "distortions = [0]\nrotation = [0, 0, 0]\n"
-                     "translation = [%d, 0, 0]\n", k, t[i][0][k], k);
+                     "translation = [%d, 0, 0]\n",
+                     k, t[i][0][k], k);
         write_bytes(f, "calibration.toml", &b);
         for (int k = 0; k < 4 && t[i][1][k]; k++)
             folder_run(f, "cp video %s", t[i][1][k]);
@@ -284,9 +299,13 @@ TEST_IN_FOLDER(names_should_find_their_videos)
 
 TEST_IN_FOLDER(toml_should_be_read_as_a_tree)
 {
-    static const struct { const char *toml, *json; } t[] = {
+    static const struct {
+        const char *toml, *json;
+    } t[] = {
         { "", "{}" },
-        { "\xef\xbb\xbf" "a = 1", "{\"a\":1.0}" },
+        { "\xef\xbb\xbf"
+          "a = 1",
+          "{\"a\":1.0}" },
         { "a = 1\r\n# c\n\tb-2 = -2.5e1 # d\n", "{\"a\":1.0,\"b-2\":-25.0}" },
         { "a = 1_000\nb = \"x # \\\" \\\\\"\nc = 'C:\\x'",
           "{\"a\":1000.0,\"b\":\"x # \\\" \\\\\",\"c\":\"C:\\\\x\"}" },
@@ -310,7 +329,9 @@ TEST_IN_FOLDER(toml_should_be_read_as_a_tree)
 
 TEST_IN_FOLDER(toml_should_be_refused_with_the_line)
 {
-    static const struct { const char *toml, *what; } t[] = {
+    static const struct {
+        const char *toml, *what;
+    } t[] = {
         { "a = \n", "line 1: a value is not" },
         { "a = 1 2\n", "line 1: a line has something" },
         { "\n\na = [1 2]\n", "line 3: a list has no comma" },
@@ -323,14 +344,17 @@ TEST_IN_FOLDER(toml_should_be_refused_with_the_line)
         { "a = 'x\ny'", "line 1: a string does not end" },
         { "a = \"\\n\"", "line 1: a string has an escape" },
         { "a = '\xff'", "line 1: a string is not valid UTF-8" },
-        { "a = 1\n[b.c]\nd = [1, nan]", "line 3: a value is not a string, a "
+        { "a = 1\n[b.c]\nd = [1, nan]",
+          "line 3: a value is not a string, a "
           "finite number, true, false or a list of these (\"nan\" for d of "
           "b.c)" },
         { "a = -nan(ind)", "(\"-nan\" for a)" },
         { "a = 0x10", "(\"0x10\" for a)" },
         { "a = 1.#QNAN", "(\"1.#QNAN\" for a)" },
         { "a = 1,5", "line 1: a line has something" },
-        { "\xff\xfe" "a", "is text in UTF-16; save it as UTF-8" },
+        { "\xff\xfe"
+          "a",
+          "is text in UTF-16; save it as UTF-8" },
         { "a = 1979-05-27", "line 1: a value is not" },
         { "= 1", "line 1: a key is missing" },
         { "a.b = 1", "line 1: there is no = after a key" },

@@ -155,7 +155,7 @@ static void transpose(double to[9], const double from[9])
 /* Changes a correct view into what a loader with OpenGL's axes gives for a file
  * whose author got the matrix wrong. `file` is the camera-to-world matrix in
  * the file. */
-static void spoil(saga_shot *s, saga_pose_form form, bool opencv)
+static void spoil(saga_source_view *s, saga_pose_form form, bool opencv)
 {
     double a[9], b[3], file[9], right[3], down[3], ahead[3];
 
@@ -186,12 +186,12 @@ static void spoil(saga_shot *s, saga_pose_form form, bool opencv)
                                     s->translation));
 }
 
-static saga_shot *copy_views(const saga_capture *c)
+static saga_source_view *copy_views(const saga_capture *c)
 {
     return copy_of(c->views, (size_t)c->n_views * sizeof *c->views);
 }
 
-static saga_calibration find(const saga_capture *c, saga_shot *views)
+static saga_calibration find(const saga_capture *c, saga_source_view *views)
 {
     saga_capture other = *c;
     saga_calibration cal;
@@ -203,14 +203,14 @@ static saga_calibration find(const saga_capture *c, saga_shot *views)
 
 /* When the mistake that was found is undone, the views must be those of the
  * room again. */
-static void expect_found(const saga_capture *c, saga_shot *views)
+static void expect_found(const saga_capture *c, saga_source_view *views)
 {
     FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
 
     assert_true(cal.found);
     for (int v = 0; v < c->n_views; v++) {
-        saga_shot *const s = &views[v];
-        const saga_shot *const own = &c->views[v];
+        saga_source_view *const s = &views[v];
+        const saga_source_view *const own = &c->views[v];
         double lens[4] = { s->fx, s->fy, s->cx, s->cy };
 
         saga_mistake_undo(&cal.mistake, s->rotation, s->translation, lens);
@@ -228,7 +228,7 @@ static void expect_found(const saga_capture *c, saga_shot *views)
 TEST(room_should_fit_its_pictures)
 {
     const saga_capture *const c = *state;
-    FREED saga_shot *const views = copy_views(c);
+    FREED saga_source_view *const views = copy_views(c);
     FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
 
     assert_int_equal(cal.n_pairs, N_VIEWS * (N_VIEWS - 1) / 2);
@@ -248,7 +248,7 @@ TEST(wrong_matrices_should_be_named)
     assert_true(c->opengl);
     for (int form = 0; form < SAGA_POSE_FORMS; form++)
         for (int opencv = 0; opencv < 2; opencv++) {
-            FREED saga_shot *const views = copy_views(c);
+            FREED saga_source_view *const views = copy_views(c);
 
             if (form == SAGA_POSE_RIGHT && !opencv)
                 opencv = 1;
@@ -260,14 +260,17 @@ TEST(wrong_matrices_should_be_named)
 
 TEST(wrong_lenses_should_be_named)
 {
-    static const struct { double focal, centre; } wrong[] = {
-        { 2, 1 }, { 0.5, 1 }, { 2, 2 }, { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 },
-        { 4 / 3.0, 1 }, { 1.25, 1 } /* pairs alone do not find the last */
+    static const struct {
+        double focal, centre;
+    } wrong[] = {
+        { 2, 1 },     { 0.5, 1 },           { 2, 2 },
+        { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 }, { 4 / 3.0, 1 },
+        { 1.25, 1 } /* pairs alone do not find the last */
     };
     const saga_capture *const c = *state;
 
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        FREED saga_shot *const views = copy_views(c);
+        FREED saga_source_view *const views = copy_views(c);
 
         for (int v = 0; v < N_VIEWS; v++) {
             views[v].fx *= wrong[i].focal;
@@ -280,7 +283,7 @@ TEST(wrong_lenses_should_be_named)
 }
 
 /* Turns a camera about its own vertical. */
-static void turn(saga_shot *s, double degrees)
+static void turn(saga_source_view *s, double degrees)
 {
     const double angle = degrees * 3.14159265358979 / 180;
     double r[9], t[3];
@@ -298,7 +301,7 @@ static void turn(saga_shot *s, double degrees)
 TEST(exchanged_and_turned_cameras_should_be_named)
 {
     const saga_capture *const c = *state;
-    saga_shot *views = copy_views(c);
+    saga_source_view *views = copy_views(c);
     saga_calibration cal;
 
     views[1] = c->views[4];
@@ -327,7 +330,7 @@ TEST(exchanged_and_turned_cameras_should_be_named)
 TEST(slightly_turned_camera_should_be_named)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     char name[80];
     saga_survey s;
 
@@ -346,7 +349,7 @@ TEST(slightly_turned_camera_should_be_named)
 TEST(pose_of_another_camera_should_be_named)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     saga_survey s;
 
     views[3] = views[2];
@@ -363,7 +366,7 @@ TEST(pose_of_another_camera_should_be_named)
 TEST(another_scene_should_be_named)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     FREED uint8_t *const rgb = zeroed((size_t)W * H, 3);
     saga_survey s;
 
@@ -385,7 +388,7 @@ TEST(another_scene_should_be_named)
 TEST(step_forward_should_not_be_one_pose)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     saga_survey s;
 
     views[3] = views[2];
@@ -403,7 +406,7 @@ TEST(step_forward_should_not_be_one_pose)
 TEST(pictures_of_different_moments_should_not_be_compared)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     bool missing[N_VIEWS][N_VIEWS];
 
     memset(missing, true, sizeof missing);
@@ -426,7 +429,7 @@ TEST(pictures_of_different_moments_should_not_be_compared)
 TEST(survey_should_say_so_in_words)
 {
     saga_capture c = *(saga_capture *)*state;
-    saga_shot *const right = c.views;
+    saga_source_view *const right = c.views;
     saga_survey s;
 
     /* The matrices are written as an author who uses OpenCV's axes might write
@@ -437,7 +440,7 @@ TEST(survey_should_say_so_in_words)
         spoil(&c.views[v], SAGA_POSE_INVERSE, true);
     assert_done(saga_survey_make(&s, &c, &error));
     assert_true(says(&s, ": matrices are world to camera, and camera axes are "
-                     "OpenCV's (y down, z forward)"));
+                         "OpenCV's (y down, z forward)"));
     saga_survey_free(&s);
 
     /* Camera 3 has the pose of camera 4, and its picture is random grey
@@ -464,7 +467,7 @@ TEST(survey_should_say_so_in_words)
 TEST(nothing_should_be_said_without_matches)
 {
     saga_capture c = *(saga_capture *)*state;
-    FREED saga_shot *const views = copy_views(&c);
+    FREED saga_source_view *const views = copy_views(&c);
     FREED uint8_t *const grey = zeroed((size_t)W * H, 3);
     saga_calibration cal;
 

@@ -11,10 +11,11 @@ enum { N_VIEWS = 5, N_PAIRS = 400 };
 /* The cameras whose exposures are estimated, and the brightness of all: the
  * third is half as bright and reddish, the fifth is in no pair. */
 static const int train[] = { 0, 1, 2, 3 };
-static const double factor[N_VIEWS][3] = {
-    { 1, 1, 1 }, { 1.2, 1.2, 1.2 }, { 0.6, 0.5, 0.4 }, { 1, 0.9, 1.1 },
-    { 1, 1, 1 }
-};
+static const double factor[N_VIEWS][3] = { { 1, 1, 1 },
+                                           { 1.2, 1.2, 1.2 },
+                                           { 0.6, 0.5, 0.4 },
+                                           { 1, 0.9, 1.1 },
+                                           { 1, 1, 1 } };
 
 /* Makes pairs of the colours that two of the four cameras have of a place. Each
  * seventh pair is an outlier, as if the two cameras showed different
@@ -26,8 +27,8 @@ static void make_pairs(saga_exposure_pair *at)
         at[i].b = (i + 1 + i / 4 % 3) % 4;
         for (int k = 0; k < 3; k++)
             at[i].log[k] = i % 7 == 0
-                ? 0.9 - 0.31 * (i % 5)
-                : log(factor[at[i].a][k] / factor[at[i].b][k]);
+                               ? 0.9 - 0.31 * (i % 5)
+                               : log(factor[at[i].a][k] / factor[at[i].b][k]);
     }
 }
 

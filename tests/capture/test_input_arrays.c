@@ -54,9 +54,10 @@ TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
         FREED_BY(saga_npy_free) saga_npy a;
         bytes b;
 
-        snprintf(header, sizeof header, "{'descr': '<f%d', 'fortran_order': "
-                 "%s, 'shape': (2, 3), }      \n", single ? 4 : 8,
-                 fortran ? "True" : "False");
+        snprintf(header, sizeof header,
+                 "{'descr': '<f%d', 'fortran_order': "
+                 "%s, 'shape': (2, 3), }      \n",
+                 single ? 4 : 8, fortran ? "True" : "False");
         b = npy_bytes(version, header);
         for (int i = 0; i < 6; i++) {
             const int r = fortran ? i % 2 : i / 3;
@@ -78,7 +79,7 @@ TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
 TEST_IN_FOLDER(npy_should_be_read_with_one_dimension)
 {
     bytes b = npy_bytes(1, "{\"shape\":(2,),\"fortran_order\":False,"
-                        "\"descr\":\"<f8\"}");
+                           "\"descr\":\"<f8\"}");
     FREED_BY(saga_npy_free) saga_npy a;
 
     put_f64(&b, -7);
@@ -126,20 +127,23 @@ TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
 
 TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
 {
-    static const struct { const char *shape, *what; } t[] = {
-        { "(2, 3)", "announces 2 x 3 numbers of 8 bytes but holds 40" },
-        { "(0, 3)", "announces 0 x 3" },
-        { "(4611686018427387904, 8)", "has an unsupported header" },
-        { "(1000000000000000000, 1000000000000000000)", "announces" },
-        { "(99999999999999999999999999,)", "has an unsupported header" }
-    };
+    static const struct {
+        const char *shape, *what;
+    } t[] = { { "(2, 3)", "announces 2 x 3 numbers of 8 bytes but holds 40" },
+              { "(0, 3)", "announces 0 x 3" },
+              { "(4611686018427387904, 8)", "has an unsupported header" },
+              { "(1000000000000000000, 1000000000000000000)", "announces" },
+              { "(99999999999999999999999999,)",
+                "has an unsupported header" } };
     bytes b;
 
     for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
         char header[200];
 
-        snprintf(header, sizeof header, "{'descr': '<f8', 'fortran_order': "
-                 "False, 'shape': %s, }", t[i].shape);
+        snprintf(header, sizeof header,
+                 "{'descr': '<f8', 'fortran_order': "
+                 "False, 'shape': %s, }",
+                 t[i].shape);
         b = npy_bytes(1, header);
         for (int k = 0; k < 5; k++)
             put_f64(&b, k);
@@ -203,7 +207,8 @@ TEST_IN_FOLDER(ply_should_be_read_as_text)
     bytes b = { 0 };
     cloud c;
 
-    put_text(&b, "ply\r\nformat ascii 1.0\r\ncomment by hand\r\n"
+    put_text(&b,
+             "ply\r\nformat ascii 1.0\r\ncomment by hand\r\n"
              "element vertex 3\r\nproperty uchar green\r\nproperty float x\r\n"
              "property double z\r\nproperty float y\r\nproperty uchar red\r\n"
              "property int spare\r\nproperty uchar blue\r\n"
@@ -220,13 +225,14 @@ TEST_IN_FOLDER(ply_should_be_read_as_little_endian_bytes)
     bytes b = { 0 };
     cloud c;
 
-    put_text(&b, "ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
+    put_text(&b,
+             "ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
              "property float64 x\nproperty short y\nproperty float32 z\n"
              "property ushort red\nproperty float green\nproperty int8 blue\n"
              "property uint flags\nend_header\n");
     for (int i = 0; i < 2; i++) {
         put_f64(&b, 0.5 + i);
-        put_le(&b, 0xfffe, 2);          /* -2 */
+        put_le(&b, 0xfffe, 2); /* -2 */
         put_f32(&b, 1024);
         put_le(&b, (uint64_t)(200 + i) * 257, 2);
         put_f32(&b, 20 / 255.0);
@@ -244,13 +250,13 @@ TEST_IN_FOLDER(ply_should_be_grey_without_colours_and_may_be_empty)
     cloud c;
 
     put_text(&b, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
-             "property float y\nproperty float z\nend_header\n1 2 3");
+                 "property float y\nproperty float z\nend_header\n1 2 3");
     c = read_ply(f, &b);
     assert_int_equal(c.n, 1);
     assert_int_equal(c.points[0].rgb[2], 128);
     free(c.points);
     put_text(&b, "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n"
-             "property float y\nproperty float z\nend_header\n");
+                 "property float y\nproperty float z\nend_header\n");
     c = read_ply(f, &b);
     assert_int_equal(c.n, 0);
     free(c.points);
@@ -279,10 +285,13 @@ TEST_IN_FOLDER(ply_should_come_back_as_it_was_written)
 
 TEST_IN_FOLDER(ply_should_be_refused_when_it_is_wrong)
 {
-#define HEAD(format, count) "ply\nformat " format " 1.0\nelement vertex " \
-    count "\nproperty float x\nproperty float y\nproperty float z\n" \
+#define HEAD(format, count)                                    \
+    "ply\nformat " format " 1.0\nelement vertex " count        \
+    "\nproperty float x\nproperty float y\nproperty float z\n" \
     "end_header\n"
-    static const struct { const char *text, *what; } t[] = {
+    static const struct {
+        const char *text, *what;
+    } t[] = {
         { "obj\n", "is not a PLY file" },
         { "", "is not a PLY file" },
         { HEAD("binary_big_endian", "1"), "format binary_big_endian" },
@@ -296,15 +305,19 @@ TEST_IN_FOLDER(ply_should_be_refused_when_it_is_wrong)
           "announces 1537228672809129302 points" },
         { HEAD("ascii", "-1") "1 2 3\n", "points but has only 6 bytes" },
         { "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
-          "property float z\nend_header\n1 2\n", "no x, y, z" },
+          "property float z\nend_header\n1 2\n",
+          "no x, y, z" },
         { "ply\nelement vertex 1\nproperty float x\nproperty float y\n"
-          "property float z\nend_header\n0 0 0 0 0 0 0\n", "no format" },
+          "property float z\nend_header\n0 0 0 0 0 0 0\n",
+          "no format" },
         { "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n",
           "cut short in its header" },
         { "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int i\n"
-          "element vertex 1\n", "\"element face 1\" is not supported" },
+          "element vertex 1\n",
+          "\"element face 1\" is not supported" },
         { "ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar int "
-          "i\n", "\"property list uchar int i\" is not supported" },
+          "i\n",
+          "\"property list uchar int i\" is not supported" },
         { "ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\n",
           "\"property half x\" is not supported" }
     };

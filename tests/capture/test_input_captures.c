@@ -52,7 +52,7 @@ enum { STUDIO_VIEWS = 14, MAX_ID = 4096, MAX_SEEN = 20000 };
 /* A COLMAP model in text, read line by line according to its description. */
 typedef struct {
     double position[MAX_ID][3];
-    int n_training[MAX_ID];     /* distinct views without cam00; -1: no point */
+    int n_training[MAX_ID]; /* distinct views without cam00; -1: no point */
     int image_of_view[STUDIO_VIEWS];
 } studio_points;
 
@@ -91,9 +91,10 @@ static void read_studio_points(studio_points *s)
 
         if (line[0] == '#')
             continue;
-        assert_int_equal(sscanf(line, "%d %lf %lf %lf %d %d %d %lf%n", &id,
-                                x, x + 1, x + 2, rgb, rgb + 1, rgb + 2,
-                                &error, &used), 8);
+        assert_int_equal(sscanf(line, "%d %lf %lf %lf %d %d %d %lf%n", &id, x,
+                                x + 1, x + 2, rgb, rgb + 1, rgb + 2, &error,
+                                &used),
+                         8);
         assert_in_range(id, 0, MAX_ID - 1);
         memcpy(s->position[id], x, sizeof x);
         read_tracks(s, line + used, id);
@@ -127,7 +128,7 @@ typedef struct {
 } studio_errors;
 
 static void measure_line(studio_errors *e, const studio_points *s,
-                         const saga_shot *v, char *text)
+                         const saga_source_view *v, char *text)
 {
     for (char *at = strtok(text, " \n"); at; at = strtok(NULL, " \n")) {
         const double x = atof(at), y = atof(strtok(NULL, " \n"));
@@ -156,7 +157,7 @@ static void measure_studio(studio_errors *e, const studio_points *s,
         if (line[0] == '#')
             continue;
         assert_non_null(name);
-        const saga_shot *const v = c->views + atoi(name + 4);
+        const saga_source_view *const v = c->views + atoi(name + 4);
 
         assert_non_null(fgets(line, sizeof line, file));
         measure_line(e, s, v, line);
@@ -169,7 +170,7 @@ static void check_studio_views(const saga_capture *c)
     assert_int_equal(c->n_views, STUDIO_VIEWS);
     assert_true(c->fps == 30);
     for (int i = 0; i < STUDIO_VIEWS; i++) {
-        const saga_shot *const v = c->views + i;
+        const saga_source_view *const v = c->views + i;
         char name[8];
 
         snprintf(name, sizeof name, "cam%02d", i);
@@ -198,9 +199,9 @@ static void check_studio_points(const saga_capture *c)
     measure_studio(&e, &s, c);
     assert_int_equal(e.n, 11851);
     printf("studio: %zu points, reprojection %.3f px median, %.2f px p90; "
-           "depth %.2f %% median, %.1f %% p90\n", n_kept,
-           quantile(e.distance, e.n, 0.5), quantile(e.distance, e.n, 0.9),
-           100 * quantile(e.depth, e.n, 0.5),
+           "depth %.2f %% median, %.1f %% p90\n",
+           n_kept, quantile(e.distance, e.n, 0.5),
+           quantile(e.distance, e.n, 0.9), 100 * quantile(e.depth, e.n, 0.5),
            100 * quantile(e.depth, e.n, 0.9));
     assert_true(fabs(quantile(e.distance, e.n, 0.5) - 0.143) < 0.001);
     assert_true(fabs(quantile(e.distance, e.n, 0.9) - 0.69) < 0.01);
@@ -214,7 +215,7 @@ static void check_studio_points(const saga_capture *c)
 static void check_studio_pixels(const saga_capture *c, int from, int to,
                                 double in_view, double visible)
 {
-    const saga_shot *const a = c->views + from, *const b = c->views + to;
+    const saga_source_view *const a = c->views + from, *const b = c->views + to;
     static double colour[480 * 270];
     const int n = a->width * a->height;
     int n_inside = 0, n_seen = 0;
@@ -246,8 +247,8 @@ static void check_studio_pixels(const saga_capture *c, int from, int to,
     }
     median = quantile(colour, n_seen, 0.5);
     printf("studio: %s to %s: in view %.0f %%, visible %.0f %%, green |d| "
-           "median %.0f\n", a->name, b->name, 100.0 * n_inside / n,
-           100.0 * n_seen / n, median);
+           "median %.0f\n",
+           a->name, b->name, 100.0 * n_inside / n, 100.0 * n_seen / n, median);
     assert_true(fabs((double)n_inside / n - in_view) < 0.01);
     /* Fewer pixels are visible by the README's test of occlusion, which is
      * stricter. */
@@ -258,7 +259,8 @@ static void check_studio_pixels(const saga_capture *c, int from, int to,
 }
 
 /* Checks that a view sees more than half of the points. */
-static void check_points_inside(const saga_capture *c, const saga_shot *v)
+static void check_points_inside(const saga_capture *c,
+                                const saga_source_view *v)
 {
     size_t n = 0;
 
@@ -266,8 +268,7 @@ static void check_points_inside(const saga_capture *c, const saga_shot *v)
         double uv[2], depth;
 
         n += saga_view_project(v, c->points[i].position, uv, &depth) &&
-             uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width &&
-             uv[1] < v->height;
+             uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width && uv[1] < v->height;
     }
     assert_true(2 * n > c->n_points);
 }
@@ -297,10 +298,12 @@ static void decode_raw(const char *name, uint8_t *rgb)
     char command[400];
     FILE *pipe;
 
-    snprintf(command, sizeof command, "ffmpeg -nostdin -v error -i " DATA
+    snprintf(command, sizeof command,
+             "ffmpeg -nostdin -v error -i " DATA
              "person4/%s -frames:v 1 -vf scale=in_color_matrix=bt709:"
              "in_range=limited:flags=bicubic+accurate_rnd+full_chroma_int "
-             "-pix_fmt rgb24 -f rawvideo -", name);
+             "-pix_fmt rgb24 -f rawvideo -",
+             name);
     pipe = popen(command, "r");
     assert_non_null(pipe);
     assert_int_equal(fread(rgb, 3, P_W * P_H, pipe), P_W * P_H);
@@ -335,7 +338,7 @@ static void check_lens(const saga_capture *c, int view, const json_t *frame)
 {
     const double k1 = number(frame, "k1"), k2 = number(frame, "k2");
     const double p1 = number(frame, "p1"), p2 = number(frame, "p2");
-    const saga_shot *const v = c->views + view;
+    const saga_source_view *const v = c->views + view;
     const uint8_t *const rgb = saga_capture_frame(c, view, 0);
     static uint8_t raw[3 * P_W * P_H];
     double farthest = 0, worst = 0;
@@ -352,15 +355,15 @@ static void check_lens(const saga_capture *c, int view, const json_t *frame)
             number(frame, "fl_y") * yd + number(frame, "cy")
         };
 
-        farthest = fmax(farthest, hypot(from[0] - i % P_W - 0.5,
-                                        from[1] - i / P_W - 0.5));
+        farthest = fmax(
+            farthest, hypot(from[0] - i % P_W - 0.5, from[1] - i / P_W - 0.5));
         for (int k = 0; k < 3; k++)
             worst = fmax(worst, fabs(bilinear(raw, from[0], from[1], k) -
                                      rgb[3 * i + k]));
     }
     printf("person4: %s moves pixels by up to %.1f, focal length x %.4f, "
-           "worst difference %.2f\n", v->name, farthest, v->focal_scale,
-           worst);
+           "worst difference %.2f\n",
+           v->name, farthest, v->focal_scale, worst);
     /* The tolerance covers rounding, and positions to 1/512 pixel, which at
      * full contrast are up to 1/2. */
     assert_true(worst < 1.6);
@@ -370,7 +373,7 @@ static void check_lens(const saga_capture *c, int view, const json_t *frame)
 /* Returns the luma at a world point, or -1 if the view does not see it. */
 static double luma_at(const saga_capture *c, int view, const double x[3])
 {
-    const saga_shot *const v = c->views + view;
+    const saga_source_view *const v = c->views + view;
     double uv[2], z;
 
     if (!saga_view_project(v, x, uv, &z) || uv[0] < 0.5 || uv[1] < 0.5 ||
@@ -418,11 +421,12 @@ static void check_points(const saga_capture *c, int view)
     for (int k = 0; k < 8; k++) {
         const double turn = k * 0.7853981633974483;
 
-        beside = fmax(beside, likeness(c, view, 0.02 * cos(turn),
-                                       0.02 * sin(turn)));
+        beside = fmax(beside,
+                      likeness(c, view, 0.02 * cos(turn), 0.02 * sin(turn)));
     }
     printf("person4: %s resembles the points by %.2f, 2 cm beside them by "
-           "%.2f\n", c->views[view].name, here, beside);
+           "%.2f\n",
+           c->views[view].name, here, beside);
     assert_true(here > beside + 0.1);
 }
 
@@ -442,8 +446,8 @@ TEST(person4_should_agree_with_its_lenses_and_points)
     assert_true(c.fps == 60);
     for (int v = 0; v < 4; v++) {
         assert_false(c.views[v].held_out);
-        check_lens(&c, v, json_array_get(json_object_get(root, "frames"),
-                                         (size_t)v));
+        check_lens(&c, v,
+                   json_array_get(json_object_get(root, "frames"), (size_t)v));
         check_points(&c, v);
     }
     json_decref(root);

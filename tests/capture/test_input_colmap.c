@@ -22,8 +22,7 @@ typedef struct {
 } world;
 
 static const double camera_params[2][8] = {
-    { 60, 61, 32, 24 },
-    { 60, 61, 33, 25, 0.01, -0.02, 0.003, 0.004 }
+    { 60, 61, 32, 24 }, { 60, 61, 33, 25, 0.01, -0.02, 0.003, 0.004 }
 };
 
 static world make_world(void)
@@ -108,8 +107,7 @@ static void write_text_model(folder *f, const world *w)
         for (int i = 0; i < N_POINTS; i++)
             if (w->seen[i][k]) {
                 pixel_of(w, k, i, uv);
-                put_text(&b, " %.17g %.17g %d", uv[0], uv[1],
-                         (int)point_id(i));
+                put_text(&b, " %.17g %.17g %d", uv[0], uv[1], (int)point_id(i));
             }
         put_text(&b, "\n");
     }
@@ -256,14 +254,14 @@ static void check_cameras(const saga_colmap *m)
     assert_true(a->lens.fx == 60 && a->lens.fy == 61 && a->lens.cx == 32 &&
                 a->lens.cy == 24 && saga_lens_is_pinhole(&a->lens));
     assert_true(b->lens.k1 == 0.01 && b->lens.k2 == -0.02 &&
-                b->lens.p1 == 0.003 && b->lens.p2 == 0.004 &&
-                b->lens.k3 == 0 && b->lens.cx == 33);
+                b->lens.p1 == 0.003 && b->lens.p2 == 0.004 && b->lens.k3 == 0 &&
+                b->lens.cx == 33);
 }
 
 static void check_image(const saga_colmap *m, const world *w, int k)
 {
-    const saga_colmap_image *const image =
-        saga_colmap_image_of(m, (uint32_t)(30 - k));
+    const saga_colmap_image *const image = saga_colmap_image_of(
+        m, (uint32_t)(30 - k));
     size_t at;
 
     assert_non_null(image);
@@ -333,7 +331,8 @@ TEST_IN_FOLDER(text_should_be_read_as_windows_writes_it)
     FREED_BY(saga_colmap_free) saga_colmap m;
 
     write_text_model(f, &w);
-    write_text(f, "colmap/images.txt", "\xef\xbb\xbf# Image list\r\n"
+    write_text(f, "colmap/images.txt",
+               "\xef\xbb\xbf# Image list\r\n"
                "2 1 0 0 0 0 0 0 7 a b/c  d.png \r\n \r\n"
                "\r\n3 1 0 0 0 0 0 0 7\te f.png\r\n1 2 -1\r\n");
     m = read_model(f);
@@ -394,8 +393,9 @@ TEST_IN_FOLDER(model_should_be_refused_when_bytes_are_missing)
 
     write_binary_model(f, &w);
     for (int i = 0; i < 3; i++) {
-        bytes b = i == 0 ? cameras_binary() : i == 1 ? images_binary(&w)
-                                                     : points_binary(&w);
+        bytes b = i == 0   ? cameras_binary()
+                  : i == 1 ? images_binary(&w)
+                           : points_binary(&w);
         char path[40];
 
         snprintf(path, sizeof path, "colmap/%s", names[i]);
@@ -417,7 +417,9 @@ TEST_IN_FOLDER(model_should_be_refused_when_bytes_are_missing)
 
 TEST_IN_FOLDER(model_should_be_refused_when_text_is_wrong)
 {
-    static const struct { const char *file, *text, *what; } t[] = {
+    static const struct {
+        const char *file, *text, *what;
+    } t[] = {
         { "cameras.txt", "1 FISHEYE 64 48 50 31 23\n",
           "camera model FISHEYE is not supported" },
         { "cameras.txt", "#\n\n1 PINHOLE 64 48 50 31 23\n",
@@ -477,9 +479,11 @@ TEST_IN_FOLDER(model_should_be_refused_when_text_is_wrong)
 
 static void write_videos(folder *f)
 {
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=5:"
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=5:"
                "d=0.2 -c:v libx264 -qp 0 cam00.mp4 && cp cam00.mp4 cam01.mp4 "
-               "&& cp cam00.mp4 cam02.mp4", W, H);
+               "&& cp cam00.mp4 cam02.mp4",
+               W, H);
 }
 
 /* The held-out camera cam00 must not count as seeing a point, and points that
@@ -503,10 +507,10 @@ TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
         assert_true(c.views[v].fx == 60 && c.views[v].cy == 24);
         assert_true(c.views[v].translation[0] == 0.5 * v);
         assert_int_equal(c.views[v].n_observations, count_seen(&w, 2 - v));
-        assert_true(fabs(c.views[v].reprojection_median -
-                         (v == 1 ? 0.5 : 0)) < 1e-9);
-        assert_true(fabs(c.views[v].reprojection_p90 -
-                         (v == 1 ? 0.5 : 0)) < 1e-9);
+        assert_true(fabs(c.views[v].reprojection_median - (v == 1 ? 0.5 : 0)) <
+                    1e-9);
+        assert_true(fabs(c.views[v].reprojection_p90 - (v == 1 ? 0.5 : 0)) <
+                    1e-9);
     }
     saga_capture_free(&c);
     o.hold_out = "";
@@ -548,9 +552,11 @@ TEST_IN_FOLDER(late_videos_should_be_shifted)
     saga_capture_options o = saga_capture_defaults();
     saga_capture whole, c;
 
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=5:"
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=5:"
                "d=1 -c:v libx264 -qp 0 cam00.mp4 && cp cam00.mp4 cam01.mp4 && "
-               "cp cam00.mp4 cam02.mp4", W, H);
+               "cp cam00.mp4 cam02.mp4",
+               W, H);
     write_binary_model(f, &w);
     whole = load(f->path);
     o.late = "cam01=2";

@@ -28,21 +28,25 @@ static void check_notes(const saga_capture *c, const char *what)
  * numbers. `a` and `b` are the frames that the moments of the capture show; '-'
  * is a picture that is missing. */
 #define FFMPEG "ffmpeg -nostdin -v error -y "
-#define KEEP(which) FFMPEG "-i a.mp4 -vf \"select=" which "\" -fps_mode " \
-    "passthrough -c:v libx264 -qp 0 "
+#define KEEP(which)                                       \
+    FFMPEG "-i a.mp4 -vf \"select=" which "\" -fps_mode " \
+           "passthrough -c:v libx264 -qp 0 "
 static const struct {
     const char *how, *a, *b, *note;
     bool always;
 } cameras[] = {
     /* Frames were dropped; the counts differ, the moments do not. */
-    { KEEP("not(between(n\\,4\\,5))") "b.mp4", "0123456789AB",
-      "0123--6789AB", "2 moments lack a picture: b (1 of 2)", false },
+    { KEEP("not(between(n\\,4\\,5))") "b.mp4", "0123456789AB", "0123--6789AB",
+      "2 moments lack a picture: b (1 of 2)", false },
     /* Each camera dropped another frame, so that the counts are equal. */
-    { KEEP("not(eq(n\\,7))") "c.mp4 && " KEEP("not(eq(n\\,3))") "b.mp4 && "
-      "mv c.mp4 a.mp4", "0123456-89AB", "012-456789AB",
-      "2 moments lack a picture: a, b (2 of 2)", true },
+    { KEEP("not(eq(n\\,7))") "c.mp4 && " KEEP(
+          "not(eq(n\\,3))") "b.mp4 && "
+                            "mv c.mp4 a.mp4",
+      "0123456-89AB", "012-456789AB", "2 moments lack a picture: a, b (2 of 2)",
+      true },
     /* Stamps wander by up to 0.3 of a frame, as those of phones do. */
-    { FFMPEG "-i a.mp4 -vf \"setpts=PTS+0.3*sin(N)/25/TB\" -fps_mode "
+    { FFMPEG
+      "-i a.mp4 -vf \"setpts=PTS+0.3*sin(N)/25/TB\" -fps_mode "
       "passthrough -c:v libx264 -qp 0 -video_track_timescale 90000 b.mp4",
       "0123456789AB", "0123456789AB", "", false },
     /* The camera began five frames late, which an empty edit says. */
@@ -110,10 +114,13 @@ TEST(frames_should_be_paired_by_stamp_when_rates_drift)
 {
     for (double start = 0; start < 20; start += 10) {
         saga_source s[2] = {
-            { .name = "a", .video = NULL,
+            { .name = "a",
+              .video = NULL,
               .info = { .n_frames = 1000, .fps = 30, .steady = true } },
-            { .name = "b", .video = NULL,
-              .info = { .n_frames = 1000, .fps = 30000.0 / 1001,
+            { .name = "b",
+              .video = NULL,
+              .info = { .n_frames = 1000,
+                        .fps = 30000.0 / 1001,
                         .steady = true } }
         };
         const saga_capture_options o = saga_capture_defaults();
@@ -131,8 +138,9 @@ TEST(frames_should_be_paired_by_stamp_when_rates_drift)
         assert_null(s[0].frames);
         assert_int_equal(s[1].n_moments, 1000);
         for (int k = 0; k < 1000; k++)
-            assert_int_equal(saga_source_frame(&s[1], k),
-                             k < 500 ? k : k == 500 ? -1 : k - 1);
+            assert_int_equal(saga_source_frame(&s[1], k), k < 500    ? k
+                                                          : k == 500 ? -1
+                                                                     : k - 1);
         free(s[1].frames);
         for (int i = 0; i < 2; i++)
             free(s[i].info.stamps);
@@ -147,9 +155,11 @@ TEST(starts_should_be_compared_by_stamp)
 {
     for (int own = 0; own < 2; own++) {
         saga_source s[2] = {
-            { .name = "a", .video = (char *)"a",
+            { .name = "a",
+              .video = (char *)"a",
               .info = { .n_frames = 20, .fps = 25, .own_clock = own } },
-            { .name = "b", .video = (char *)"b",
+            { .name = "b",
+              .video = (char *)"b",
               .info = { .n_frames = 20, .fps = 25, .own_clock = own } }
         };
         const saga_capture_options o = saga_capture_defaults();
@@ -183,7 +193,7 @@ TEST(rate_of_the_json_should_be_compared_with_the_videos)
     assert_true(saga_listing_match_videos(&l, &o, &error));
     assert_true(l.fps == 24);
     assert_non_null(strstr(l.notes, "\"fps\" says 24 frames per second, the "
-                           "videos have 60"));
+                                    "videos have 60"));
 }
 
 /* Field i of a film with two fields a frame is grey by i. Deinterlaced at the
@@ -198,12 +208,15 @@ TEST_IN_FOLDER(interlaced_frames_should_have_no_combs)
 
     for (int k = 0; k < 8; k++)
         for (int i = 0; i < 3 * W * H; i++)
-            put_le(&b, (uint64_t)(i < W * H ? 20 + 10 * k + 5 * (i / W % 2)
-                                            : 128), 1);
+            put_le(&b,
+                   (uint64_t)(i < W * H ? 20 + 10 * k + 5 * (i / W % 2) : 128),
+                   1);
     write_bytes(f, "raw", &b);
-    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
                "%dx%d -r 25 -i raw -vf setfield=tff -c:v libx264 -qp 0 "
-               "-color_trc arib-std-b67 -flags +ildct+ilme a.mp4", W, H);
+               "-color_trc arib-std-b67 -flags +ildct+ilme a.mp4",
+               W, H);
     write_json(f, "", name, 1);
     c = load(f->path);
     check_notes(&c, "time: interlaced");
@@ -226,16 +239,16 @@ static const struct {
     { "smpte2084", "bt2020", "HDR (HLG or PQ) is read as if it were SDR" },
     { "bt709", "smpte432", "wide primaries (BT.2020 or P3)" },
     { "linear", "bt709", "values are linear or logarithmic" },
-    { "bt709", "bt709", NULL }, { "unknown", "unknown", NULL }, { "", "", NULL }
+    { "bt709", "bt709", NULL },
+    { "unknown", "unknown", NULL },
+    { "", "", NULL }
 };
 
 TEST(colours_should_be_named_by_camera_when_not_those_of_bt709)
 {
     for (size_t i = 0; i < sizeof colours / sizeof colours[0]; i++) {
-        saga_source s[2] = {
-            { .name = "a", .info = { .n_frames = 1 } },
-            { .name = "b", .info = { .n_frames = 1 } }
-        };
+        saga_source s[2] = { { .name = "a", .info = { .n_frames = 1 } },
+                             { .name = "b", .info = { .n_frames = 1 } } };
         const saga_capture_options o = saga_capture_defaults();
         saga_listing l = { .sources = s, .n_sources = 2 };
         saga_error error = { "" };
@@ -277,7 +290,8 @@ TEST_IN_FOLDER(pixels_with_alpha_should_lie_over_black)
         for (int i = 0; i < 4 * W * H; i++)
             put_le(&b, (uint64_t)(i * 7 % 256), 1);
         write_bytes(f, "raw", &b);
-        folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt %s -s "
+        folder_run(f,
+                   "ffmpeg -nostdin -v error -f rawvideo -pix_fmt %s -s "
                    "%dx%d -i raw -frames:v 1 -c:v png -y a.mov",
                    alpha ? "rgba" : "rgb24", W, H);
         c = load(f->path);
@@ -352,9 +366,9 @@ static void check_turn(folder *f, const saga_capture *stored, const int m[4],
 
     assert_int_equal(c.views[0].width, w);
     for (int i = 0; i < W * H; i++)
-        assert_memory_equal(saga_capture_frame(&c, 0, 0) + 3 * i,
-                            shown_from(saga_capture_frame(stored, 0, 0), m,
-                                       i % w, i / w), 3);
+        assert_memory_equal(
+            saga_capture_frame(&c, 0, 0) + 3 * i,
+            shown_from(saga_capture_frame(stored, 0, 0), m, i % w, i / w), 3);
     saga_capture_free(&c);
 }
 
@@ -369,8 +383,10 @@ TEST_IN_FOLDER(videos_should_be_turned_as_the_calibration_says)
     static const char stands[] = "\"w\": 16, \"h\": 32, ";
     FREED_BY(saga_capture_free) saga_capture s;
 
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d "
-               "-frames:v 1 -c:v libx264 -pix_fmt yuv444p -qp 0 s.mp4", W, H);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d "
+               "-frames:v 1 -c:v libx264 -pix_fmt yuv444p -qp 0 s.mp4",
+               W, H);
     s = load_turned(f, clockwise, lies, "as they are stored");
     assert_int_equal(s.views[0].width, W);
     check_turn(f, &s, clockwise, stands, "by 90 degrees clockwise");
@@ -411,9 +427,11 @@ TEST_IN_FOLDER(cover_pictures_should_be_no_video)
 
     if (!is_long())
         return;
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i sine=d=0.1 -f lavfi -i "
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i sine=d=0.1 -f lavfi -i "
                "testsrc=s=%dx%d:d=0.04 -map 0 -map 1 -frames:v 1 -c:v png "
-               "-disposition:v attached_pic a.mp4", W, H);
+               "-disposition:v attached_pic a.mp4",
+               W, H);
     write_json(f, "", name, 1);
     refused(f->path, "a.mp4", "has no video stream");
 }

@@ -27,12 +27,35 @@ static void write_grey(folder *f, const char *name, int value)
 TEST(names_should_be_in_the_order_of_their_numbers)
 {
     /* Every name is before all that follow it. */
-    static const char *const sorted[] = {
-        "", "-1", "0", "1", "1 a", "2", "9", "010", "10", "10.5", "10.40",
-        "99999999999999999999", "100000000000000000000", "A2", "A10", "a",
-        "a0", "a00001", "a01", "a01b3", "a1", "a1.mp4", "a1b2", "a1b10", "a2",
-        "a10", "a10/b2", "a10/b10", "a\303\251"
-    };
+    static const char *const sorted[] = { "",
+                                          "-1",
+                                          "0",
+                                          "1",
+                                          "1 a",
+                                          "2",
+                                          "9",
+                                          "010",
+                                          "10",
+                                          "10.5",
+                                          "10.40",
+                                          "99999999999999999999",
+                                          "100000000000000000000",
+                                          "A2",
+                                          "A10",
+                                          "a",
+                                          "a0",
+                                          "a00001",
+                                          "a01",
+                                          "a01b3",
+                                          "a1",
+                                          "a1.mp4",
+                                          "a1b2",
+                                          "a1b10",
+                                          "a2",
+                                          "a10",
+                                          "a10/b2",
+                                          "a10/b10",
+                                          "a\303\251" };
     enum { N = sizeof sorted / sizeof *sorted };
 
     for (int i = 0; i < N; i++)
@@ -97,9 +120,10 @@ TEST_IN_FOLDER(frames_of_a_list_should_be_in_order)
 
         snprintf(name, sizeof name, "f%d_%d.png", number[k], i / N_NUMBERS);
         write_grey(f, name, 20 * number[k]);
-        put_text(&b, "%s{\"file_path\": \"%s\", \"transform_matrix\": "
-                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}", i ? ", " : "", name,
-                 i / N_NUMBERS);
+        put_text(&b,
+                 "%s{\"file_path\": \"%s\", \"transform_matrix\": "
+                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}",
+                 i ? ", " : "", name, i / N_NUMBERS);
     }
     put_text(&b, "]}");
     write_bytes(f, "transforms.json", &b);
@@ -141,15 +165,16 @@ TEST_IN_FOLDER(rows_should_belong_to_videos_in_order)
     bytes b = { 0 };
 
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=16x16 "
-               "-frames:v 1 cam1.mp4 && for i in 2 3 11; do cp cam1.mp4 "
-               "cam$i.mp4; done; cp cam1.mp4 cam10.MP4; touch ._cam1.mp4");
+                  "-frames:v 1 cam1.mp4 && for i in 2 3 11; do cp cam1.mp4 "
+                  "cam$i.mp4; done; cp cam1.mp4 cam10.MP4; touch ._cam1.mp4");
     put(&b, "\x93NUMPY\1\0", 8);
     put_le(&b, 118, 2);
-    put_text(&b, "%-117s\n", "{'descr': '<f8', 'fortran_order': False, "
+    put_text(&b, "%-117s\n",
+             "{'descr': '<f8', 'fortran_order': False, "
              "'shape': (5, 17), }");
     for (int i = 0; i < N_NUMBERS; i++) {
-        const double row[17] = { 0, 1, 0, number[i], H, 1, 0, 0, 0, W, 0, 0,
-                                 -1, 0, 20, 1, 9 };
+        const double row[17] = { 0, 1, 0, number[i], H, 1,  0, 0, 0,
+                                 W, 0, 0, -1,        0, 20, 1, 9 };
 
         for (int k = 0; k < 17; k++)
             put_f64(&b, row[k]);

@@ -28,7 +28,7 @@ static void put_chunk(bytes *b, const char *type, const void *data, size_t n)
 
 typedef struct {
     int width, height, depth, colour;
-    const void *extra[3];    /* gAMA, PLTE and tRNS chunks; NULL: none */
+    const void *extra[3]; /* gAMA, PLTE and tRNS chunks; NULL: none */
     size_t n_extra[3];
 } png_kind;
 
@@ -90,46 +90,42 @@ static void check_png(folder *f, const png_kind *k, const uint8_t *rows,
 
 TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
 {
-    static const uint8_t colour[12] = { 1, 2, 3, 250, 128, 0, 255, 255, 255,
-                                        0, 0, 9 };
+    static const uint8_t colour[12] = { 1,   2,   3,   250, 128, 0,
+                                        255, 255, 255, 0,   0,   9 };
     static const uint8_t grey[2] = { 7, 200 };
     /* The 2-bit indices 0 1 2 3 and 3 2 1 0. */
     static const uint8_t two_bits[2] = { 0x1b, 0xe4 };
-    static const uint8_t grown[24] = { 0, 0, 0, 85, 85, 85, 170, 170, 170,
-                                       255, 255, 255, 255, 255, 255, 170, 170,
-                                       170, 85, 85, 85, 0, 0, 0 };
+    static const uint8_t grown[24] = { 0,   0,   0,   85,  85,  85,  170, 170,
+                                       170, 255, 255, 255, 255, 255, 255, 170,
+                                       170, 170, 85,  85,  85,  0,   0,   0 };
     static const uint8_t greys[6] = { 7, 7, 7, 200, 200, 200 };
     static const uint8_t one_bit[1] = { 0x40 };
     static const uint8_t bits[6] = { 0, 0, 0, 255, 255, 255 };
 
-    check_png(f, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6,
-              colour);
-    check_png(f, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1,
-              greys);
+    check_png(f, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6, colour);
+    check_png(f, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1, greys);
     check_png(f, &(png_kind){ 4, 2, 2, GREY, { 0 }, { 0 } }, two_bits, 1,
               grown);
-    check_png(f, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1,
-              bits);
+    check_png(f, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1, bits);
 }
 
 /* 16-bit samples must become round(v / 257): a remainder of 128 is just below a
  * half, of 129 just above. */
 TEST_IN_FOLDER(png_should_be_rounded_from_16_bits)
 {
-    static const uint8_t rows[12] = { 0, 128, 0, 129, 0xff, 0xff, 0x80, 0x80,
-                                      0xff, 0x7e, 0xff, 0x7f };
+    static const uint8_t rows[12] = { 0,    128,  0,    129,  0xff, 0xff,
+                                      0x80, 0x80, 0xff, 0x7e, 0xff, 0x7f };
     static const uint8_t rounded[6] = { 0, 1, 255, 128, 254, 255 };
 
-    check_png(f, &(png_kind){ 2, 1, 16, RGB, { 0 }, { 0 } }, rows, 12,
-              rounded);
+    check_png(f, &(png_kind){ 2, 1, 16, RGB, { 0 }, { 0 } }, rows, 12, rounded);
 }
 
 /* A pixel must become colour times alpha / 255, rounded; gamma must have no
  * effect on it. */
 TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
 {
-    static const uint8_t colour[12] = { 200, 100, 3, 128, 200, 100, 3, 0,
-                                        200, 100, 3, 255 };
+    static const uint8_t colour[12] = { 200, 100, 3,   128, 200, 100,
+                                        3,   0,   200, 100, 3,   255 };
     static const uint8_t grey[4] = { 250, 51, 90, 255 };
     static const uint8_t mixed[9] = { 100, 50, 2, 0, 0, 0, 200, 100, 3 };
     static const uint8_t greys[6] = { 50, 50, 50, 90, 90, 90 };
@@ -145,14 +141,17 @@ TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
     for (int with_gamma = 0; with_gamma < 2; with_gamma++) {
         const uint8_t *const g = with_gamma ? linear : NULL;
 
-        check_png(f, &(png_kind){ 3, 1, 8, RGBA, { g }, { 4 } }, colour,
-                  12, mixed);
-        check_png(f, &(png_kind){ 2, 1, 8, GREY_ALPHA, { g }, { 4 } },
-                  grey, 4, greys);
-        check_png(f, &(png_kind){ 2, 1, 1, PALETTE, { g, palette, clear },
-                                       { 4, 6, 2 } }, indices, 1, coloured);
-        check_png(f, &(png_kind){ 2, 1, 8, GREY, { g, NULL, key },
-                                       { 4, 0, 2 } }, keyed_rows, 2, keyed);
+        check_png(f, &(png_kind){ 3, 1, 8, RGBA, { g }, { 4 } }, colour, 12,
+                  mixed);
+        check_png(f, &(png_kind){ 2, 1, 8, GREY_ALPHA, { g }, { 4 } }, grey, 4,
+                  greys);
+        check_png(
+            f,
+            &(png_kind){ 2, 1, 1, PALETTE, { g, palette, clear }, { 4, 6, 2 } },
+            indices, 1, coloured);
+        check_png(f,
+                  &(png_kind){ 2, 1, 8, GREY, { g, NULL, key }, { 4, 0, 2 } },
+                  keyed_rows, 2, keyed);
     }
 }
 
@@ -176,11 +175,14 @@ TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)
     static const uint8_t rows[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
     const png_kind k = { 2, 2, 8, RGB, { 0 }, { 0 } };
     bytes b = png_bytes(&k, rows, 6), none;
-    static const struct { int w, h; const char *what; } sizes[] = {
-        { 0, 2, "0 x 2 pixels" }, { 2, 0, "2 x 0 pixels" },
-        { 16385, 2, "16385 x 2 pixels" },
-        { 0x7fffffff, 0x7fffffff, "2147483647 x 2147483647 pixels" }
-    };
+    static const struct {
+        int w, h;
+        const char *what;
+    } sizes[] = { { 0, 2, "0 x 2 pixels" },
+                  { 2, 0, "2 x 0 pixels" },
+                  { 16385, 2, "16385 x 2 pixels" },
+                  { 0x7fffffff, 0x7fffffff,
+                    "2147483647 x 2147483647 pixels" } };
 
     for (size_t n = 0; n + 12 < b.n; n++) {
         write_part(f, "a.png", &b, n);
@@ -234,7 +236,7 @@ static bytes exr_bytes(const char *const *names, int n, int left, int top,
     put_le(&b, 2, 4);
     for (int i = 0; i < n; i++) {
         put(&v, names[i], strlen(names[i]) + 1);
-        put_le(&v, 2, 4);  /* 2: float */
+        put_le(&v, 2, 4); /* 2: float */
         put_le(&v, 0, 4);
         put_le(&v, 1, 4);
         put_le(&v, 1, 4);
@@ -277,8 +279,8 @@ TEST_IN_FOLDER(exr_should_be_read_as_depth)
     static const char *const z[] = { "Z" }, *const other[] = { "dist" };
     static const char *const many[] = { "A", "Z", "id" };
     const double depth[6] = { 0.5, 1, 2.25, 1e6, INFINITY, 0 };
-    const double mixed[18] = { 9, 9, 9, 0.5, 1, 2.25, 8, 8, 8,
-                               9, 9, 9, 1e6, INFINITY, 0, 8, 8, 8 };
+    const double mixed[18] = { 9, 9, 9, 0.5, 1,        2.25, 8, 8, 8,
+                               9, 9, 9, 1e6, INFINITY, 0,    8, 8, 8 };
 
     for (int way = 0; way < 3; way++) {
         saga_error error = { "" };
@@ -300,10 +302,10 @@ TEST_IN_FOLDER(exr_should_be_read_as_depth)
 TEST_IN_FOLDER(exr_should_become_srgb)
 {
     static const char *const bgr[] = { "B", "G", "R" };
-    const double data[12] = { 0.5, 2, -1, 0.001, 0.18, NAN, INFINITY, 0,
-                              1, 0.0031308, 0.0031309, 0 };
+    const double data[12] = { 0.5,      2, -1, 0.001,     0.18,      NAN,
+                              INFINITY, 0, 1,  0.0031308, 0.0031309, 0 };
     static const uint8_t expected[12] = { 255, 118, 188, 10, 0, 255,
-                                          10, 255, 0, 0, 0, 3 };
+                                          10,  255, 0,   0,  0, 3 };
     uint8_t rgb[12];
     bytes b = exr_bytes(bgr, 3, 0, 0, 4, 1, data);
 
@@ -343,10 +345,10 @@ TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
             /* The mantissa is noise, and the value is in [1, 2). */
             depth[i] = i < zeros ? 0 : 1 + (float)(seed >> 9) / (1 << 23);
         }
-        assert_true(saga_exr_write_depth(folder_file(f, "d.exr"), WIDTH,
-                                         HEIGHT, depth, &error));
-        assert_true(saga_exr_read_depth(folder_file(f, "d.exr"), WIDTH,
-                                        HEIGHT, back, &error));
+        assert_true(saga_exr_write_depth(folder_file(f, "d.exr"), WIDTH, HEIGHT,
+                                         depth, &error));
+        assert_true(saga_exr_read_depth(folder_file(f, "d.exr"), WIDTH, HEIGHT,
+                                        back, &error));
         assert_memory_equal(depth, back, sizeof depth);
     }
 }
@@ -362,15 +364,15 @@ TEST_IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
     for (size_t n = 0; n < b.n; n += n < 380 ? 7 : 1) {
         error = (saga_error){ "" };
         write_part(f, "d.exr", &b, n);
-        assert_false(saga_exr_read_depth(folder_file(f, "d.exr"), 3, 2, got,
-                                         &error));
+        assert_false(
+            saga_exr_read_depth(folder_file(f, "d.exr"), 3, 2, got, &error));
         assert_says(&error, "d.exr");
         assert_says(&error, "; ");
     }
     write_bytes(f, "d.exr", &b);
     error = (saga_error){ "" };
-    assert_false(saga_exr_read_depth(folder_file(f, "d.exr"), 2, 3, got,
-                                     &error));
+    assert_false(
+        saga_exr_read_depth(folder_file(f, "d.exr"), 2, 3, got, &error));
     assert_says(&error, "is 3 x 2 pixels, expected 2 x 3");
     refused_picture(f, "d.exr", 3, 2,
                     "no part with channels R, G and B, but Z");
@@ -379,7 +381,7 @@ TEST_IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
     refused_picture(f, "d.exr", 3, 2,
                     "no part with channels R, G and B, but G, R");
     error = (saga_error){ "" };
-    assert_false(saga_exr_read_depth(folder_file(f, "none.exr"), 3, 2, got,
-                                     &error));
+    assert_false(
+        saga_exr_read_depth(folder_file(f, "none.exr"), 3, 2, got, &error));
     assert_says(&error, "none.exr: cannot be opened");
 }

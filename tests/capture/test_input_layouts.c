@@ -37,13 +37,13 @@ TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
     check_same(f->path, "COLMAP, a folder for each camera", N_FRAMES, LOSSLESS);
     /* Only the first picture of each camera is in the model. */
     write_model(f, "sparse/0", camera_and_number, 1);
-    check_same(f->path, "the same, first pictures in the model",
-               N_FRAMES, LOSSLESS);
+    check_same(f->path, "the same, first pictures in the model", N_FRAMES,
+               LOSSLESS);
     /* The model has a picture cam00.png, and the frames are in the folder
      * cam00/. */
     write_model(f, "sparse/0", camera_alone, 1);
-    check_same(f->path, "the same, pictures of cameras in the model",
-               N_FRAMES, LOSSLESS);
+    check_same(f->path, "the same, pictures of cameras in the model", N_FRAMES,
+               LOSSLESS);
     /* The pictures' folders lie next to sparse/, without a folder images/. */
     folder_run(f, "mv images/* . && rmdir images");
     check_same(f->path, "the same, without images/", N_FRAMES, LOSSLESS);
@@ -62,11 +62,11 @@ TEST_IN_FOLDER(frame_folders_should_be_the_scene)
      * COLMAP model lies next to their folders. */
     write_pictures(f, ".", number_and_camera, 0, N_FRAMES);
     write_model(f, "sparse/0", camera_alone, 1);
-    check_same(f->path, "frame folders, a COLMAP model beside them",
-               N_FRAMES, LOSSLESS);
+    check_same(f->path, "frame folders, a COLMAP model beside them", N_FRAMES,
+               LOSSLESS);
     /* Each moment's folder is a capture of its own. */
     folder_run(f, "for t in t8 t9 t10; do mkdir $t/images && mv $t/*.png "
-               "$t/images && cp -r sparse $t; done; rm -r sparse t9/sparse");
+                  "$t/images && cp -r sparse $t; done; rm -r sparse t9/sparse");
     check_same(f->path, "frame folders, COLMAP in each", N_FRAMES, LOSSLESS);
 }
 
@@ -109,7 +109,8 @@ static void write_moving(folder *f, const char *path, int from, int to,
     put_text(&b, "{\"camera_angle_x\": %.17g, \"frames\": [",
              2 * atan(W / (2 * scene.views[0].fx)));
     for (int v = from; v < to; v++) {
-        put_text(&b, "%s{\"file_path\": \"./train/cam%02d\", "
+        put_text(&b,
+                 "%s{\"file_path\": \"./train/cam%02d\", "
                  "\"rotation\": 0.1, \"time\": %.17g, ",
                  v > from ? ", " : "", v, time[v]);
         put_pose(&b, v);
@@ -152,11 +153,12 @@ TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
     assert_true(c.moves);
     assert_int_equal(c.n_views, N_VIEWS);
     assert_int_equal(c.n_frames, 3);
-    add_row("D-NeRF, one camera that moves", 3,
-            fmax(fmax(check_moving(&c, 0, 3, 0, 0.25),
-                      check_moving(&c, 1, 0, 1, 0)),
-                 fmax(check_moving(&c, 2, 1, 0, 0),
-                      check_moving(&c, 3, 2, 2, 0))), LOSSLESS);
+    add_row(
+        "D-NeRF, one camera that moves", 3,
+        fmax(
+            fmax(check_moving(&c, 0, 3, 0, 0.25), check_moving(&c, 1, 0, 1, 0)),
+            fmax(check_moving(&c, 2, 1, 0, 0), check_moving(&c, 3, 2, 2, 0))),
+        LOSSLESS);
     assert_true(c.views[0].held_out && !c.views[1].held_out);
     assert_non_null(strstr(c.notes, "its 4 pictures are views of 3 moments"));
     saga_capture_free(&c);
@@ -213,10 +215,11 @@ TEST_IN_FOLDER(moving_camera_should_be_refused_when_it_has_too_many_pictures)
 
     put_text(&b, "{\"camera_angle_x\": 1, \"frames\": [");
     for (int i = 0; i < n; i++)
-        put_text(&b, "%s{\"file_path\": \"%d\", \"time\": %d, "
+        put_text(&b,
+                 "%s{\"file_path\": \"%d\", \"time\": %d, "
                  "\"transform_matrix\": [[1, 0, 0, %d], [0, 1, 0, 0], "
-                 "[0, 0, 1, 0], [0, 0, 0, 1]]}", i ? ", " : "", i, i,
-                 i % n_poses);
+                 "[0, 0, 1, 0], [0, 0, 0, 1]]}",
+                 i ? ", " : "", i, i, i % n_poses);
     put_text(&b, "]}");
     write_bytes(f, "transforms.json", &b);
     refused(f->path, "transforms.json",
@@ -230,22 +233,27 @@ TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
     check_same(f->path, "nerfstudio, pictures", N_FRAMES, LOSSLESS);
     folder_run(f, "for p in p/*/*.png; do mv $p ${p%%png}jpg; done");
-    check_same(f->path, "nerfstudio, pictures of another ending",
-               N_FRAMES, LOSSLESS);
+    check_same(f->path, "nerfstudio, pictures of another ending", N_FRAMES,
+               LOSSLESS);
 }
 
 /* --- Stills -------------------------------------------------------------- */
 
 static void convert(folder *f, const char *ending, const char *how)
 {
-    folder_run(f, "for p in images/*.png; do ffmpeg -nostdin -v error -y -i $p "
+    folder_run(f,
+               "for p in images/*.png; do ffmpeg -nostdin -v error -y -i $p "
                "%s ${p%%png}%s && rm $p || exit; done; sed -i s/png/%s/ "
-               "sparse/0/images.txt", how, ending, ending);
+               "sparse/0/images.txt",
+               how, ending, ending);
 }
 
 TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
 {
-    static const struct { const char *ending, *how; double least; } t[] = {
+    static const struct {
+        const char *ending, *how;
+        double least;
+    } t[] = {
         { "jpg", "-q:v 1 -qmin 1 -pix_fmt yuvj444p", 40 },
         { "webp", "-lossless 1", LOSSLESS },
         { "tif", "", LOSSLESS },
@@ -287,12 +295,13 @@ TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
     write_pictures(f, "images", camera_alone, 0, 1);
     convert(f, "jpg", "-q:v 2");
     folder_run(f, "cp images/cam01.jpg whole; head -c 900 whole "
-               ">images/cam01.jpg");
+                  ">images/cam01.jpg");
     refused(f->path, "images/cam01.jpg", "is damaged");
     folder_run(f, "head -c 300 whole >images/cam01.jpg");
     refused(f->path, "images/cam01.jpg", "is damaged");
     folder_run(f, "printf 'GIF89a..........' >images/cam01.jpg");
-    refused(f->path, "images/cam01.jpg", "not a PNG, JPEG, WebP, "
+    refused(f->path, "images/cam01.jpg",
+            "not a PNG, JPEG, WebP, "
             "TIFF or OpenEXR");
     folder_run(f, "printf 'RIFF....WEBPVP8 ' >images/cam01.jpg");
     refused(f->path, "images/cam01.jpg", "WebP is damaged");
@@ -334,8 +343,8 @@ TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
                "p");
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
     folder_run(f, "rm p/cam03/f_0020.png && sed -i "
-               "'s/{\"file_path\": \"p.cam01.f_0010\"[^}]*}, //' "
-               "transforms.json");
+                  "'s/{\"file_path\": \"p.cam01.f_0010\"[^}]*}, //' "
+                  "transforms.json");
     c = load(f->path);
     assert_int_equal(c.n_views, N_VIEWS);
     for (int v = 0; v < N_VIEWS; v++)
@@ -364,9 +373,10 @@ TEST_IN_FOLDER(late_cameras_should_be_shifted)
     assert_int_equal(c.n_frames, N_FRAMES - 2);
     for (int v = 0; v < N_VIEWS; v++)
         assert_memory_equal(saga_capture_frame(&c, v, 0),
-                            saga_capture_frame(&scene, v, v == 1   ? 2
-                                                          : v == 3 ? 0
-                                                                   : 1),
+                            saga_capture_frame(&scene, v,
+                                               v == 1   ? 2
+                                               : v == 3 ? 0
+                                                        : 1),
                             3 * W * H);
     saga_capture_free(&c);
     o.late = "cam01=3";
@@ -374,10 +384,12 @@ TEST_IN_FOLDER(late_cameras_should_be_shifted)
     o.late = "cam9=1";
     refused_with(f->path, &o, f->path, "--late names \"cam9\"");
     o.late = "cam01";
-    refused_with(f->path, &o, f->path, "\"cam01\" is not a camera with "
+    refused_with(f->path, &o, f->path,
+                 "\"cam01\" is not a camera with "
                  "a number");
     o.late = "cam01=x";
-    refused_with(f->path, &o, f->path, "\"cam01=x\" is not a camera with "
+    refused_with(f->path, &o, f->path,
+                 "\"cam01=x\" is not a camera with "
                  "a number");
 }
 
@@ -387,7 +399,8 @@ TEST_IN_FOLDER(colmap_folder_should_be_refused_when_wrong)
     write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
     folder_run(f, "mv images/cam01/f_0020.png images/cam01/g_0010.png");
     write_model(f, "sparse/0", camera_and_number, 1);
-    refused(f->path, "images/cam01/g_0010.png", "second picture of camera "
+    refused(f->path, "images/cam01/g_0010.png",
+            "second picture of camera "
             "cam01 with the number 10");
     write_text(f, "sparse/0/images.txt", "# none\n");
     refused(f->path, "sparse/0", "has 0 different cameras");

@@ -15,12 +15,10 @@ typedef struct {
     double fx, fy, cx, cy, k1, k2, p1, p2, k3; /* OpenCV's order */
 } lens;
 
-static const lens barrel = {
-    130, 126, 83.5, 57.25, -0.21, 0.06, 0.004, -0.003, -0.012
-};
-static const lens pincushion = {
-    150, 151, 78, 62, 0.12, 0.03, -0.002, 0.005, 0.01
-};
+static const lens barrel = { 130,  126,   83.5,   57.25, -0.21,
+                             0.06, 0.004, -0.003, -0.012 };
+static const lens pincushion = { 150,  151,    78,    62,  0.12,
+                                 0.03, -0.002, 0.005, 0.01 };
 
 /* --- The reference ------------------------------------------------------- */
 
@@ -83,12 +81,13 @@ static void write_capture(folder *f, const lens *l, int w, int h,
     bytes b = { 0 };
 
     assert_done(saga_png_write(folder_file(f, "a.png"), w, h, rgb, &error));
-    put_text(&b, "{\"fl_x\": %.17g, \"fl_y\": %.17g, \"cx\": %.17g, "
+    put_text(&b,
+             "{\"fl_x\": %.17g, \"fl_y\": %.17g, \"cx\": %.17g, "
              "\"cy\": %.17g, \"k1\": %.17g, \"k2\": %.17g, \"p1\": %.17g, "
              "\"p2\": %.17g, \"k3\": %.17g, \"camera_model\": \"OPENCV\", "
              "\"frames\": [{\"file_path\": \"a.png\", \"transform_matrix\": "
-             "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]}", l->fx, l->fy,
-             l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3);
+             "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]}",
+             l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3);
     write_bytes(f, "transforms.json", &b);
 }
 
@@ -102,7 +101,8 @@ static saga_capture load_scaled(folder *f, int scale)
 
 /* Returns the mean of the pattern over the n x n full-size pixels that a pixel
  * of the view covers, each sampled at its centre. */
-static double expected(const saga_shot *v, int n, int x, int y, int channel)
+static double expected(const saga_source_view *v, int n, int x, int y,
+                       int channel)
 {
     double sum = 0;
 
@@ -119,7 +119,7 @@ static void check_pattern(folder *f, const lens *l, int scale)
     static uint8_t rgb[3 * W * H];
     double worst = 0, sum[3] = { 0 }, squares = 0;
     FREED_BY(saga_capture_free) saga_capture c;
-    const saga_shot *v;
+    const saga_source_view *v;
     int n;
 
     draw_through(l, rgb);
@@ -129,7 +129,8 @@ static void check_pattern(folder *f, const lens *l, int scale)
     n = v->width * v->height;
     for (int i = 0; i < 3 * n; i++) {
         const double e = saga_capture_frame(&c, 0, 0)[i] -
-            expected(v, scale, i / 3 % v->width, i / 3 / v->width, i % 3);
+                         expected(v, scale, i / 3 % v->width, i / 3 / v->width,
+                                  i % 3);
 
         worst = fmax(worst, fabs(e));
         squares += e * e / (3 * n);
@@ -155,20 +156,16 @@ TEST(lens_should_give_values_worked_out_by_hand)
     static const struct {
         saga_lens lens;
         double x, y, u, v;
-    } t[] = {
-        { { .fx = 1, .fy = 1, .k1 = 0.5 },
-          0.5, 0, 0.5625, 0 },
-        { { .fx = 1, .fy = 1, .k2 = 1 },
-          0, 0.5, 0, 0.53125 },
-        { { .fx = 1, .fy = 1, .k3 = 1 },
-          0.5, -0.5, 0.5625, -0.5625 },
-        { { .fx = 1, .fy = 1, .p1 = 0.1 },
-          0.5, 0.5, 0.55, 0.6 },
-        { { .fx = 1, .fy = 1, .p2 = 0.1 },
-          0.5, 0.5, 0.6, 0.55 },
-        { { .fx = 100, .fy = 200, .cx = 7, .cy = 9, .p2 = 0.1 },
-          0.5, 0.5, 67, 119 }
-    };
+    } t[] = { { { .fx = 1, .fy = 1, .k1 = 0.5 }, 0.5, 0, 0.5625, 0 },
+              { { .fx = 1, .fy = 1, .k2 = 1 }, 0, 0.5, 0, 0.53125 },
+              { { .fx = 1, .fy = 1, .k3 = 1 }, 0.5, -0.5, 0.5625, -0.5625 },
+              { { .fx = 1, .fy = 1, .p1 = 0.1 }, 0.5, 0.5, 0.55, 0.6 },
+              { { .fx = 1, .fy = 1, .p2 = 0.1 }, 0.5, 0.5, 0.6, 0.55 },
+              { { .fx = 100, .fy = 200, .cx = 7, .cy = 9, .p2 = 0.1 },
+                0.5,
+                0.5,
+                67,
+                119 } };
 
     for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
         double uv[2];
@@ -237,11 +234,13 @@ static void write_fisheye(folder *f, double focal, double slow)
             rgb[3 * i + k] = (uint8_t)(pattern(x * part, y * part, k) + 0.5);
     }
     assert_done(saga_png_write(folder_file(f, "a.png"), W, H, rgb, &error));
-    put_text(&b, "{\"fl_x\": %g, \"cx\": 81, \"cy\": 58, \"k1\": %g, \"k2\": "
+    put_text(&b,
+             "{\"fl_x\": %g, \"cx\": 81, \"cy\": 58, \"k1\": %g, \"k2\": "
              "%g, \"k3\": %g, \"k4\": %g, \"camera_model\": "
              "\"OPENCV_FISHEYE\", \"frames\": [{\"file_path\": \"a.png\", "
              "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"
-             "}]}", focal, fish_k[0], fish_k[1], fish_k[2], fish_k[3]);
+             "}]}",
+             focal, fish_k[0], fish_k[1], fish_k[2], fish_k[3]);
     write_bytes(f, "transforms.json", &b);
 }
 
@@ -254,7 +253,7 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
     for (int t = 0; t < 2; t++) {
         double worst = 0, widest;
         FREED_BY(saga_capture_free) saga_capture c;
-        const saga_shot *v;
+        const saga_source_view *v;
 
         write_fisheye(f, focal[t], slow[t]);
         c = load_scaled(f, 1);
@@ -264,8 +263,7 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
             const double y = (i / 3 / W + 0.5 - v->cy) / v->fy;
 
             worst = fmax(worst, fabs(saga_capture_frame(&c, 0, 0)[i] -
-                                     pattern(x / slow[t], y / slow[t],
-                                             i % 3)));
+                                     pattern(x / slow[t], y / slow[t], i % 3)));
         }
         assert_true(worst < 2.6);
         widest = atan(v->cx / v->fx) * 180 / 3.14159265358979;
@@ -276,7 +274,7 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
 
 /* Returns whether every pixel centre of the pinhole picture, with focal lengths
  * times s, falls between pixel centres of the source. */
-static bool all_covered(const lens *l, const saga_shot *v, double s)
+static bool all_covered(const lens *l, const saga_source_view *v, double s)
 {
     for (int i = 0; i < W * H; i++) {
         const double d[2] = { (i % W + 0.5 - v->cx) / (s * v->fx),
@@ -300,7 +298,7 @@ TEST_IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels)
 
     for (int i = 0; i < 2; i++) {
         FREED_BY(saga_capture_free) saga_capture c;
-        const saga_shot *v;
+        const saga_source_view *v;
 
         write_capture(f, all[i], W, H, rgb);
         c = load_scaled(f, 1);

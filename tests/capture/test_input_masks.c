@@ -36,7 +36,8 @@ static void write_capture(folder *f, const char *root, const char *also)
         for (int k = 0; k < N_FRAMES; k++) {
             snprintf(name, sizeof name, "%s/cam%d/%d.png", root, v, k);
             write_grey(f, name, W, H, grey(v, k), grey(v, k));
-            put_text(&b, "%s{\"file_path\": \"%s\", \"time\": %g%s, "
+            put_text(&b,
+                     "%s{\"file_path\": \"%s\", \"time\": %g%s, "
                      "\"transform_matrix\": [[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}",
                      v || k ? ", " : "", name, k / 10.0,
                      v == 0 && k == 1 ? also : "", v);
@@ -88,9 +89,8 @@ static void check_one(folder *f)
 
 TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
 {
-    static const char *const names[] = {
-        "masks/cam0/1.png", "masks/cam0/1.png.png"
-    };
+    static const char *const names[] = { "masks/cam0/1.png",
+                                         "masks/cam0/1.png.png" };
 
     write_capture(f, "images", "");
     folder_run(f, "mkdir -p masks/cam0");
@@ -154,8 +154,8 @@ TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
     write_grey(f, "masks/cam1.png", W, H, 0, 255);
     c = load(f->path);
     o.n_threads = 1;
-    o.memory_nbytes = (uint64_t)(W * H * ((3 * c.n_views + 1) * c.n_frames +
-                                          7 + 4 + 3));
+    o.memory_nbytes =
+        (uint64_t)(W * H * ((3 * c.n_views + 1) * c.n_frames + 7 + 4 + 3));
     saga_capture_free(&c);
     c = load_with(f->path, &o);
     saga_capture_free(&c);
@@ -167,11 +167,14 @@ TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
  * larger one counts, and so does a single value except 0. */
 TEST_IN_FOLDER(mask_of_any_two_values_should_work)
 {
-    static const struct { int bits, left, right, whole; } kinds[] = {
-        { 8, 0, 1, 0 }, { 8, 0, 2, 0 }, { 8, 0, 255, 0 }, { 8, 3, 4, 0 },
-        { 8, 200, 250, 0 }, { 16, 0, 1, 0 }, { 16, 0, 255, 0 },
-        { 16, 0, 256, 0 }, { 16, 0, 65535, 0 }, { 16, 65278, 65535, 0 },
-        { 8, 1, 1, 1 }, { 16, 1, 1, 1 }, { 8, 255, 255, 1 },
+    static const struct {
+        int bits, left, right, whole;
+    } kinds[] = {
+        { 8, 0, 1, 0 },          { 8, 0, 2, 0 },     { 8, 0, 255, 0 },
+        { 8, 3, 4, 0 },          { 8, 200, 250, 0 }, { 16, 0, 1, 0 },
+        { 16, 0, 255, 0 },       { 16, 0, 256, 0 },  { 16, 0, 65535, 0 },
+        { 16, 65278, 65535, 0 }, { 8, 1, 1, 1 },     { 16, 1, 1, 1 },
+        { 8, 255, 255, 1 },
     };
     uint8_t rgb[3 * W * H] = { 0 };
 
@@ -194,8 +197,8 @@ TEST_IN_FOLDER(mask_of_any_two_values_should_work)
             write_grey(f, "masks/cam1.png", W, H, kinds[k].left,
                        kinds[k].right);
         else
-            assert_done(saga_png_write_grey(folder_file(f, "masks/cam1.png"),
-                                            W, H, grey16, &error));
+            assert_done(saga_png_write_grey(folder_file(f, "masks/cam1.png"), W,
+                                            H, grey16, &error));
         c = load(f->path);
         if (kinds[k].whole)
             check_whole(&c, 1, 0);
@@ -210,9 +213,10 @@ TEST_IN_FOLDER(mask_of_any_two_values_should_work)
  * tried if SAGA_TEST_LONG is set. */
 static const struct {
     const char *name, *codec;
-    int most;                /* difference of colours, which may be lossy */
+    int most; /* difference of colours, which may be lossy */
 } stored[] = {
-    { "a.png", "png", 0 }, { "a.mov", "qtrle", 0 },
+    { "a.png", "png", 0 },
+    { "a.mov", "qtrle", 0 },
     { "a.webm", "libvpx-vp9 -lossless 1 -pix_fmt yuva420p", 1 },
     { "b.webm", "libvpx -crf 4 -b:v 2M -pix_fmt yuva420p -auto-alt-ref 0", 3 },
     { "b.mov", "prores_ks -profile:v 4444 -pix_fmt yuva444p10le", 3 },
@@ -231,9 +235,10 @@ static int write_opacities(folder *f)
 
     for (int i = 0; i < n; i++)
         used += snprintf(all + used, sizeof all - (size_t)used,
-                         " -frames:v %d -c:v %s %s", i ? 2 : 1,
-                         stored[i].codec, stored[i].name);
-    folder_run(f, "ffmpeg -nostdin -v error -y -f lavfi -i \"color=s=%dx%d:r=5,"
+                         " -frames:v %d -c:v %s %s", i ? 2 : 1, stored[i].codec,
+                         stored[i].name);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -y -f lavfi -i \"color=s=%dx%d:r=5,"
                "format=rgba,geq=r='if(lt(X,8),40,200)':g='if(lt(X,8),40,200)':"
                "b='if(lt(X,8),40,200)':"
                "a='if(lt(X,8),0,if(lt(X,16),127,if(lt(X,24),128,255)))'\"%s",
@@ -274,7 +279,7 @@ TEST_IN_FOLDER(alpha_should_leave_no_dark_fringe)
         check_opacities(f, i, true);
     }
     folder_run(f, "ffmpeg -nostdin -v error -y -i a.png -frames:v 1 -vf "
-               "lutrgb=a=127 -c:v png a.mov");
+                  "lutrgb=a=127 -c:v png a.mov");
     o.alpha_masks = true;
     write_json(f, "", (const char *[]){ "a.mov" }, 1);
     refused_with(f->path, &o, "a.mov", "leaves no pixel");
@@ -286,7 +291,8 @@ TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
     saga_capture c;
 
     write_capture(f, "images", "");
-    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam0/1.png -vf "
+    folder_run(f,
+               "ffmpeg -nostdin -v error -y -i images/cam0/1.png -vf "
                "\"format=rgba,geq=r='r(X,Y)':g='g(X,Y)':b='b(X,Y)':"
                "a='if(lt(X,16),0,255)'\" a.png && mv a.png images/cam0/1.png");
     c = load(f->path);
@@ -349,6 +355,7 @@ TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
         }
     }
     o.late = "cam1=nan";
-    refused_with(f->path, &o, f->path, "is not a camera with a number of "
+    refused_with(f->path, &o, f->path,
+                 "is not a camera with a number of "
                  "frames");
 }

@@ -21,7 +21,7 @@ enum { W = 16, H = 12 };
 
 typedef struct {
     const char *path;
-    uint32_t crc;            /* CRC of everything that is to be loaded */
+    uint32_t crc; /* CRC of everything that is to be loaded */
 } source;
 
 static uint32_t add(uint32_t crc, const void *p, size_t n)
@@ -34,7 +34,7 @@ static uint32_t crc_of(const saga_capture *c)
     uint32_t crc = 0;
 
     for (int v = 0; v < c->n_views; v++) {
-        const saga_shot *const s = &c->views[v];
+        const saga_source_view *const s = &c->views[v];
 
         crc = add(crc, s->rotation, sizeof s->rotation);
         crc = add(crc, &s->fx, sizeof s->fx);
@@ -75,8 +75,8 @@ static void fail_each(folder *f, const char *name, long least)
     c = load_with(s.path, &o);
     s.crc = crc_of(&c);
     saga_capture_free(&c);
-    assert_true(heap_fail_each(load_and_free, &s,
-                               testing_sanitized() ? 7 : 1) > least);
+    assert_true(heap_fail_each(load_and_free, &s, testing_sanitized() ? 7 : 1) >
+                least);
 }
 
 /* --- nerfstudio ---------------------------------------------------------- */
@@ -96,7 +96,7 @@ TEST_IN_FOLDER(pngs_should_be_refused_when_memory_ends)
     /* The second camera gets a lens distortion, so that its picture is
      * resampled. */
     folder_run(f, "sed -i '/{\"file_path\": .*cam01/s/{/{\"k1\": 0.01, /' "
-               "scene/transforms.json && grep -q k1 scene/transforms.json");
+                  "scene/transforms.json && grep -q k1 scene/transforms.json");
     fail_each(f, "scene", 400);
 }
 
@@ -135,7 +135,7 @@ TEST_IN_FOLDER(exrs_behind_pngs_should_count_too)
     write_synth(folder_file(f, "scene"), true);
     write_synth(folder_file(f, "other"), false);
     folder_run(f, "for i in 0 1 2; do cp other/images/cam0$i/00000.png "
-               "scene/images/cam0$i/00000.exr || exit; done");
+                  "scene/images/cam0$i/00000.exr || exit; done");
     check_exr_budget(folder_file(f, "scene"));
 }
 
@@ -145,9 +145,11 @@ static void write_model(folder *f, const char *where);
 
 TEST_IN_FOLDER(jpegs_should_be_refused_when_memory_ends)
 {
-    folder_run(f, "mkdir images && for i in 0 1; do ffmpeg -nostdin "
+    folder_run(f,
+               "mkdir images && for i in 0 1; do ffmpeg -nostdin "
                "-v error -f lavfi -i testsrc=s=%dx%d -frames:v 1 "
-               "images/cam0$i.jpg || exit; done", W, H);
+               "images/cam0$i.jpg || exit; done",
+               W, H);
     write_model(f, "sparse");
     fail_each(f, ".", 90);
 }
@@ -169,13 +171,17 @@ static void write_tools(folder *f)
 {
     char command[300];
 
-    folder_run(f, "head -c %d /dev/zero | tr '\\0' a >raw; touch cam00.mp4 "
-               "cam01.mp4", 2 * 3 * W * H);
+    folder_run(f,
+               "head -c %d /dev/zero | tr '\\0' a >raw; touch cam00.mp4 "
+               "cam01.mp4",
+               2 * 3 * W * H);
     snprintf(command, sizeof command, "exec cat %s", folder_file(f, "raw"));
     write_tool(f, "ffmpeg", command);
-    snprintf(command, sizeof command, "echo 'pts_time=0\nflags=K_\n"
+    snprintf(command, sizeof command,
+             "echo 'pts_time=0\nflags=K_\n"
              "pts_time=0.2\nflags=__\nwidth=%d\nheight=%d\npix_fmt=rgb24\n"
-             "avg_frame_rate=5/1'", W, H);
+             "avg_frame_rate=5/1'",
+             W, H);
     write_tool(f, "ffprobe", command);
     snprintf(command, sizeof command, "%s:%s", folder_file(f, "bin"),
              getenv("PATH"));
@@ -210,9 +216,8 @@ static void write_poses(folder *f)
     put_le(&b, sizeof header - 1, 2);
     put(&b, header, sizeof header - 1);
     for (int v = 0; v < 2; v++) {
-        const double row[17] = { 0, 1, 0,  0.5 * v, H,
-                                 1, 0, 0,  0,       W,
-                                 0, 0, -1, 0,       15, 1, 9 };
+        const double row[17] = { 0, 1, 0, 0.5 * v, H, 1,  0, 0, 0,
+                                 W, 0, 0, -1,      0, 15, 1, 9 };
 
         for (int i = 0; i < 17; i++)
             put_f64(&b, row[i]);
@@ -226,7 +231,7 @@ TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
 
     write_synth(folder_file(f, "scene"), false);
     folder_run(f, "mkdir depth && cp scene/depth/cam00/00000.exr "
-               "depth/cam00_f000.exr");
+                  "depth/cam00_f000.exr");
     write_tools(f);
     write_model(f, "colmap");
     write_poses(f);
@@ -243,9 +248,11 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_memory_ends)
 
     write_tools(f);
     for (int i = 0; i < 2; i++)
-        put_text(&b, "[cameras.%d]\nsize = [16, 12]\ndistortions = [0, 0]\n"
+        put_text(&b,
+                 "[cameras.%d]\nsize = [16, 12]\ndistortions = [0, 0]\n"
                  "matrix = [[15, 0, 7.5], [0, 15, 5.5], [0, 0, 1]]\n"
-                 "rotation = [0, 0, 0]\ntranslation = [%d, 0, 0]\n", i, -i);
+                 "rotation = [0, 0, 0]\ntranslation = [%d, 0, 0]\n",
+                 i, -i);
     write_bytes(f, "camera_array.toml", &b);
     fail_each(f, ".", 100);
     assert_int_equal(setenv("PATH", path, 1), 0);
@@ -261,10 +268,10 @@ static bool write_and_remove(void *user, saga_error *error)
     static const float depth[W * H] = { 1, 2, 3 };
     const char *const path = user;
     const bool ok = saga_has_suffix(path, ".png")
-        ? saga_png_write(path, W, H, rgb, error)
-        : saga_has_suffix(path, "Z.exr")
-        ? saga_exr_write_depth(path, W, H, depth, error)
-        : saga_exr_write(path, W, H, rgb, error);
+                        ? saga_png_write(path, W, H, rgb, error)
+                    : saga_has_suffix(path, "Z.exr")
+                        ? saga_exr_write_depth(path, W, H, depth, error)
+                        : saga_exr_write(path, W, H, rgb, error);
     char out[160];
 
     if (ok)
@@ -283,8 +290,8 @@ TEST_IN_FOLDER(pictures_should_leave_no_file_when_memory_ends)
 
     folder_run(f, "mkdir out");
     for (int i = 0; i < 3; i++)
-        assert_true(heap_fail_each(write_and_remove, (void *)folder_file(
-                        f, names[i]), 1) > 10);
+        assert_true(heap_fail_each(write_and_remove,
+                                   (void *)folder_file(f, names[i]), 1) > 10);
 }
 
 /* --- Sizes --------------------------------------------------------------- */
@@ -300,7 +307,7 @@ TEST(products_should_be_refused_when_they_overflow)
     assert_false(saga_failed(&error));
     assert_null(saga_alloc(half, 2, "a scene", &error));
     assert_says(&error, "a scene: out of memory, 18446744073709551615 bytes "
-                "wanted; take fewer");
+                        "wanted; take fewer");
     assert_null(saga_calloc(half, 2, "x", &error));
     assert_null(saga_realloc(NULL, half, 2, "x", &error));
     assert_null(saga_aligned_alloc(64, SIZE_MAX, "x", &error));

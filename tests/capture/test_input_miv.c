@@ -57,17 +57,21 @@ static void write_depth(folder *f, const char *name, int bits)
 
 static void put_camera(bytes *b, const char *name, const char *projection)
 {
-    put_text(b, "{\"Name\": \"%s\", \"Position\": [1, 2, 3], \"Rotation\": "
+    put_text(b,
+             "{\"Name\": \"%s\", \"Position\": [1, 2, 3], \"Rotation\": "
              "[90, 0, 0], \"Resolution\": [%d, %d], \"Depth_range\": [%g, %g], "
-             "\"HasInvalidDepth\": true, %s}", name, W, H, NEAR, FAR,
-             projection);
+             "\"HasInvalidDepth\": true, %s}",
+             name, W, H, NEAR, FAR, projection);
 }
 
-#define PINHOLE "\"Projection\": \"Perspective\", \"Focal\": [50, 40], " \
+#define PINHOLE                                              \
+    "\"Projection\": \"Perspective\", \"Focal\": [50, 40], " \
     "\"Principle_point\": [30, 16]"
-#define SPHERE "\"Projection\": \"Equirectangular\", \"Hor_range\": " \
+#define SPHERE                                             \
+    "\"Projection\": \"Equirectangular\", \"Hor_range\": " \
     "[-180, 180], \"Ver_range\": [-90, 90]"
-#define ORTHO "\"Projection\": \"Orthographic\", \"OrthoWidth\": 6, " \
+#define ORTHO                                               \
+    "\"Projection\": \"Orthographic\", \"OrthoWidth\": 6, " \
     "\"OrthoHeight\": 3"
 
 static void write_scene(folder *f, const char *projection, int bits)
@@ -168,7 +172,9 @@ TEST_IN_FOLDER(far_end_should_be_infinite_when_it_is_a_word)
 
 TEST_IN_FOLDER(depth_should_be_refused_when_wrong)
 {
-    static const struct { const char *edit, *what; } t[] = {
+    static const struct {
+        const char *edit, *what;
+    } t[] = {
         { "sed -i 's/\\[0.5, 8]/[0, 8]/' scene.json", "\"Depth_range\"" },
         { "sed -i 's/OrthoWidth.: 6/x\": 6/' scene.json", "\"OrthoWidth\"" },
         { "mv v1_depth_64x32_yuv420p16le.yuv v1_depth_32x32_yuv420p16le.yuv",

@@ -39,10 +39,15 @@ static entry put_member(bytes *zip, const char *name, int method)
 {
     bytes b = npy_bytes();
     uint8_t packed[1024];
-    z_stream z = { .next_in = b.data, .avail_in = (uInt)b.n,
-                   .next_out = packed, .avail_out = sizeof packed };
-    entry e = { .local = zip->n, .packed = b.n, .nbytes = b.n,
-                .method = method, .name = name };
+    z_stream z = { .next_in = b.data,
+                   .avail_in = (uInt)b.n,
+                   .next_out = packed,
+                   .avail_out = sizeof packed };
+    entry e = { .local = zip->n,
+                .packed = b.n,
+                .nbytes = b.n,
+                .method = method,
+                .name = name };
 
     e.crc = (uint32_t)crc32(0, b.data, (uInt)b.n);
     if (method) {
@@ -82,8 +87,8 @@ static void put_entry(bytes *zip, const entry *e)
     put_le(zip, e->packed, 4);
     put_le(zip, e->nbytes, 4);
     put_le(zip, strlen(e->name), 2);
-    put_le(zip, 2, 2);       /* extra */
-    put_le(zip, 1, 2);       /* comment */
+    put_le(zip, 2, 2); /* extra */
+    put_le(zip, 1, 2); /* comment */
     put_le(zip, 0, 8);
     put_le(zip, e->local, 4);
     put_text(zip, "%sabc", e->name);
@@ -146,8 +151,7 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
         assert_false(reads(folder_file(f, "a.npz"), "net.c", &error));
         assert_says(&error, "net.c");
         error = (saga_error){ "" };
-        assert_true(saga_npz_open(&npz, folder_file(f, "a.npz"),
-                                  &error));
+        assert_true(saga_npz_open(&npz, folder_file(f, "a.npz"), &error));
         assert_true(saga_npz_has(&npz, "net.b"));
         assert_false(saga_npz_has(&npz, "net."));
         assert_false(saga_npz_has(&npz, "et.b"));
@@ -172,8 +176,7 @@ TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
                 b.data[at] = (uint8_t)(b.data[at] ^ (how ? 0xff : 1));
             write_bytes(f, "a.npz", &b);
             for (int i = 0; i < 2; i++)
-                n_refused += !reads(folder_file(f, "a.npz"), names[i],
-                                    &error);
+                n_refused += !reads(folder_file(f, "a.npz"), names[i], &error);
         }
     assert_true(n_refused > 3 * (int)whole.n);
     free(whole.data);

@@ -24,8 +24,8 @@ static const double corner_right[3] = { 1, 0, 0 };
 static const double corner_up[3] = { 0, 0, 1 };
 static const double corner_back[3] = { 0, -1, 0 };
 
-static void check_corner(const saga_shot *v, double fx, double fy, double cx,
-                         double cy)
+static void check_corner(const saga_source_view *v, double fx, double fy,
+                         double cx, double cy)
 {
     const double world[3] = { 3 + 0.5, -4 + 8, 2 + 0.25 };
     const double behind[3] = { 3, -5, 2 };
@@ -81,9 +81,11 @@ static void write_nerfstudio(folder *f, double m, const char *more)
     bytes b = { 0 };
 
     write_picture(f, "a.png", W, H);
-    put_text(&b, "{\"fl_x\": 100, \"fl_y\": 96, \"cx\": 41, \"cy\": 29.5, "
+    put_text(&b,
+             "{\"fl_x\": 100, \"fl_y\": 96, \"cx\": 41, \"cy\": 29.5, "
              "\"frames\": [{\"file_path\": \"a.png\", %s "
-             "\"transform_matrix\": [", more);
+             "\"transform_matrix\": [",
+             more);
     for (int i = 0; i < 3; i++)
         put_text(&b, "[%.17g, %.17g, %.17g, %.17g], ",
                  corner_right[i] * (i ? 1 : m), corner_up[i], corner_back[i],
@@ -128,7 +130,8 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
     write_picture(f, "a.png", W, H);
     /* The angle of view has tan(angle / 2) = 1/2, so that the focal length is
      * the width of the picture. */
-    write_text(f, "transforms.json", "{\"camera_angle_x\": "
+    write_text(f, "transforms.json",
+               "{\"camera_angle_x\": "
                "0.92729521800161224, \"frames\": [{\"file_path\": \"a\", "
                "\"transform_matrix\": [[1,0,0,3],[0,0,-1,-4],[0,1,0,2],"
                "[0,0,0,1]]}]}");
@@ -156,7 +159,8 @@ static void put_row(bytes *b, double shift)
 static void put_npy_header(bytes *b, int rows)
 {
     char text[200];
-    const int n = snprintf(text, sizeof text, "{'descr': '<f8', "
+    const int n = snprintf(text, sizeof text,
+                           "{'descr': '<f8', "
                            "'fortran_order': False, 'shape': (%d, 17), }\n",
                            rows);
 
@@ -168,7 +172,8 @@ static void put_npy_header(bytes *b, int rows)
 /* Writes videos of cam00 and cam03 with two frames each. */
 static void write_videos(folder *f)
 {
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
                "d=0.2 -c:v libx264 -qp 0 cam00.mp4 && cp cam00.mp4 cam03.mp4",
                W, H);
 }
@@ -209,8 +214,9 @@ static void refused_row(folder *f, int at, double value, const char *what)
     memcpy(b.data + b.n - 8 * (size_t)(17 - at), v.data, 8);
     free(v.data);
     write_bytes(f, "poses_bounds.npy", &b);
-    refused(f->path, at == 1 ? "among them cam03"
-                             : "poses_bounds.npy: row of cam03", what);
+    refused(f->path,
+            at == 1 ? "among them cam03" : "poses_bounds.npy: row of cam03",
+            what);
 }
 
 TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
@@ -249,8 +255,8 @@ static void turn(const double q[4], const double v[3], double out[3])
 
 TEST(quaternion_should_turn_as_its_product_does)
 {
-    const double q[4] = { 0.5, -0.1, 0.7, 0.5 };      /* of unit length */
-    const double longer[4] = { 1, -0.2, 1.4, 1 };     /* twice q */
+    const double q[4] = { 0.5, -0.1, 0.7, 0.5 };  /* of unit length */
+    const double longer[4] = { 1, -0.2, 1.4, 1 }; /* twice q */
     const double zero[4] = { 0 }, bad[4] = { 1, NAN, 0, 0 };
     double r[9], out[3];
 
@@ -283,7 +289,7 @@ static saga_capture load_synth(folder *f)
     return synth_capture(folder_file(f, "synth"), &o);
 }
 
-static void world_of(const saga_shot *v, double u, double w, double z,
+static void world_of(const saga_source_view *v, double u, double w, double z,
                      double x[3])
 {
     const double cam[3] = { (u - v->cx) / v->fx * z, (w - v->cy) / v->fy * z,
@@ -310,8 +316,8 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
     assert_int_equal(c.n_frames, 2);
     assert_true(c.fps == s.fps);
     for (int i = 0; i < 5; i++) {
-        const saga_shot *const v = c.views + i;
-        saga_shot w;
+        const saga_source_view *const v = c.views + i;
+        saga_source_view w;
 
         saga_synth_view(&s, i, &w);
         assert_string_equal(v->name, w.name);
@@ -333,7 +339,7 @@ TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
     FREED_BY(saga_capture_free) saga_capture c = load_synth(f);
 
     for (int i = 0; i < 5 * 2 * 200; i++) {
-        const saga_shot *const v = c.views + i % 5;
+        const saga_source_view *const v = c.views + i % 5;
         const int frame = i / 5 % 2, at = i * 7919 % (v->width * v->height);
         const double truth = (double)saga_capture_depth(&c, i % 5, frame)[at];
         double origin[3], x[3], d[3], uv[2], z = 0;
@@ -359,7 +365,7 @@ TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
     int n = 0, tried = 0;
 
     for (int i = 0; i < 4 * 96 * 64; i += 3) {
-        const saga_shot *const a = c.views + i % 4, *const b = a + 1;
+        const saga_source_view *const a = c.views + i % 4, *const b = a + 1;
         const int at = i / 4, px = b->width;
         double x[3], uv[2], z, truth;
         int to;
@@ -397,7 +403,7 @@ TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
         int seen = 0;
 
         for (int v = 0; v < c.n_views; v++) {
-            const saga_shot *const w = c.views + v;
+            const saga_source_view *const w = c.views + v;
             const uint8_t *const rgb = saga_capture_frame(&c, v, 0);
             double uv[2], z, truth;
             int at;

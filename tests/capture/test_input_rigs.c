@@ -38,7 +38,7 @@ static void write_bounds(folder *f)
     put_le(&b, 118, 2);
     put_text(&b, "%-117s\n", header);
     for (int v = 0; v < N_VIEWS; v++) {
-        const saga_shot *const s = &scene.views[v];
+        const saga_source_view *const s = &scene.views[v];
         const double *const r = s->rotation, *const t = s->translation;
         const double size[] = { H, W, s->fx };
 
@@ -92,7 +92,7 @@ static void put_list(bytes *b, const char *key, int from, int to,
 
 static void put_k(bytes *b, int view, int frame)
 {
-    const saga_shot *const s = &scene.views[view];
+    const saga_source_view *const s = &scene.views[view];
 
     (void)frame;
     put_text(b, "[[%.17g, 0, %.17g], [0, %.17g, %.17g], [0, 0, 1]]", s->fx,
@@ -101,7 +101,7 @@ static void put_k(bytes *b, int view, int frame)
 
 static void put_w2c(bytes *b, int view, int frame)
 {
-    const saga_shot *const s = &scene.views[view];
+    const saga_source_view *const s = &scene.views[view];
 
     (void)frame;
     put_text(b, "[");
@@ -176,7 +176,9 @@ TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
 
 TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
 {
-    static const struct { const char *edit, *what; } t[] = {
+    static const struct {
+        const char *edit, *what;
+    } t[] = {
         { "s/.w2c.: ..../&5/", "not a rotation (first row 5" },
         { "s/\\(.w2c.: ....[^,]*,[^,]*,[^,]*,\\)[^]]*/\\1 5/", "moves" },
         { "s/.k.: ..../&5/", "moves" },
@@ -207,7 +209,7 @@ static const double degree = 3.14159265358979323846 / 180;
 
 /* Sets angle to yaw, pitch and roll, in degrees, of the matrix whose columns
  * are forward, left and up. */
-static void angles_of(const saga_shot *s, double angle[3])
+static void angles_of(const saga_source_view *s, double angle[3])
 {
     const double *const right = s->rotation, *const down = right + 3;
     const double *const forward = right + 6;
@@ -222,24 +224,26 @@ static void write_miv_json(folder *f)
     bytes b = { 0 };
 
     put_text(&b, "{\"Version\": \"4.0\", \"Content_name\": \"room\", \"Fps\": "
-             "24, \"sourceCameraNames\": [\"cam00\", \"cam01\", \"cam02\", "
-             "\"cam03\"], \"cameras\": [{\"Name\": \"viewport\"}");
+                 "24, \"sourceCameraNames\": [\"cam00\", \"cam01\", \"cam02\", "
+                 "\"cam03\"], \"cameras\": [{\"Name\": \"viewport\"}");
     for (int v = 0; v < N_VIEWS; v++) {
-        const saga_shot *const s = &scene.views[v];
+        const saga_source_view *const s = &scene.views[v];
         const double *const r = s->rotation, *const t = s->translation;
         double a[3];
 
         angles_of(s, a);
-        put_text(&b, ", {\"Name\": \"%s\", \"Position\": [%.17g, %.17g, "
-                 "%.17g], \"Rotation\": [%.17g, %.17g, %.17g], ", s->name,
-                 -(r[0] * t[0] + r[3] * t[1] + r[6] * t[2]),
+        put_text(&b,
+                 ", {\"Name\": \"%s\", \"Position\": [%.17g, %.17g, "
+                 "%.17g], \"Rotation\": [%.17g, %.17g, %.17g], ",
+                 s->name, -(r[0] * t[0] + r[3] * t[1] + r[6] * t[2]),
                  -(r[1] * t[0] + r[4] * t[1] + r[7] * t[2]),
                  -(r[2] * t[0] + r[5] * t[1] + r[8] * t[2]), a[0], a[1], a[2]);
-        put_text(&b, "\"Projection\": \"Perspective\", \"Resolution\": [%d, "
+        put_text(&b,
+                 "\"Projection\": \"Perspective\", \"Resolution\": [%d, "
                  "%d], \"Focal\": [%.17g, %.17g], \"Principle_point\": [%.17g, "
                  "%.17g], \"Depth_range\": [0.5, 25], \"BitDepthColor\": 10, "
-                 "\"ColorSpace\": \"YUV420\"}", W, H, s->fx, s->fy, s->cx,
-                 s->cy);
+                 "\"ColorSpace\": \"YUV420\"}",
+                 W, H, s->fx, s->fy, s->cx, s->cy);
     }
     put_text(&b, "]}");
     write_bytes(f, "room.json", &b);
@@ -248,10 +252,12 @@ static void write_miv_json(folder *f)
 static void write_textures(folder *f, const char *pixels)
 {
     for (int v = 0; v < N_VIEWS; v++)
-        folder_run(f, "ffmpeg -nostdin -v error -y -i p/cam%02d/f_0000.png "
+        folder_run(f,
+                   "ffmpeg -nostdin -v error -y -i p/cam%02d/f_0000.png "
                    "-vf scale=out_color_matrix=bt709:out_range=limited:flags="
                    "accurate_rnd+full_chroma_inp -pix_fmt %s -f rawvideo "
-                   "cam%02d_texture_%dx%d_%s.yuv", v, pixels, v, W, H, pixels);
+                   "cam%02d_texture_%dx%d_%s.yuv",
+                   v, pixels, v, W, H, pixels);
 }
 
 TEST_IN_FOLDER(miv_should_be_the_scene)
@@ -314,10 +320,12 @@ static void write_sphere(folder *f, int w, int h, double wide)
     }
     snprintf(name, sizeof name, "v0_texture_%dx%d_yuv420p10le.yuv", w, h);
     write_bytes(f, name, &b);
-    put_text(&b, "{\"cameras\": [{\"Name\": \"v0\", \"Position\": [1, 2, 3], "
+    put_text(&b,
+             "{\"cameras\": [{\"Name\": \"v0\", \"Position\": [1, 2, 3], "
              "\"Rotation\": [30, 20, 10], \"Projection\": \"Equirectangular\", "
              "\"Resolution\": [%d, %d], \"Hor_range\": [%g, %g], "
-             "\"Ver_range\": [-90, 90]}]}", w, h, -wide / 2, wide / 2);
+             "\"Ver_range\": [-90, 90]}]}",
+             w, h, -wide / 2, wide / 2);
     write_bytes(f, "sphere.json", &b);
 }
 
@@ -330,7 +338,7 @@ static void check_faces(folder *f, int n_faces, int side)
     assert_int_equal(c.n_views, n_faces);
     assert_int_equal(c.n_frames, 2);
     for (int v = 0; v < n_faces; v++) {
-        const saga_shot *const s = &c.views[v];
+        const saga_source_view *const s = &c.views[v];
 
         assert_true(s->width == side && s->height == side);
         for (int i = 0; i < 2 * side * side; i++) {
@@ -369,7 +377,9 @@ TEST_IN_FOLDER(equirectangular_views_should_become_faces)
 
 TEST_IN_FOLDER(miv_should_be_refused_when_wrong)
 {
-    static const struct { const char *edit, *what; } t[] = {
+    static const struct {
+        const char *edit, *what;
+    } t[] = {
         { "s/Equirect/Orthograph/", "Orthographangular, which is not" },
         { "s/.Hor_range.: ..180/\"Hor_range\": [170/", "170 to 180" },
         { "s/.Ver_range.*]}]/\"x\": 1}]/", "\"Ver_range\" of camera v0" },

@@ -28,7 +28,8 @@ static void write_json(folder *f, const char *also, const char *a,
 {
     bytes json = { 0 };
 
-    put_text(&json, "{%s, \"frames\": [{\"file_path\": \"%s\", "
+    put_text(&json,
+             "{%s, \"frames\": [{\"file_path\": \"%s\", "
              "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}, "
              "{\"file_path\": \"%s\", "
              "\"transform_matrix\": [[1,0,0,1],[0,1,0,0],[0,0,1,0]]}]}",
@@ -40,8 +41,10 @@ static void write_json(folder *f, const char *also, const char *a,
 
 static void write_video(folder *f, const char *name)
 {
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
-               "d=0.5 -c:v libx264 -movflags +faststart -y %s", W, H, name);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=0.5 -c:v libx264 -movflags +faststart -y %s",
+               W, H, name);
 }
 
 /* Playlists, which name other files, are refused whatever their own names are.
@@ -63,8 +66,9 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
 
         put_text(&b, lists[i], f->path);
         write_bytes(f, "a.mp4", &b);
-        refused(f->path, "a.mp4", i == 0 ? "is in ffmpeg's format \"hls\""
-                                         : "is in ffmpeg's format \"concat\"");
+        refused(f->path, "a.mp4",
+                i == 0 ? "is in ffmpeg's format \"hls\""
+                       : "is in ffmpeg's format \"concat\"");
         folder_run(f, "cp secret.mp4 a.mp4");
         c = load(f->path);
     }
@@ -76,7 +80,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
     write_video(f, "b.mp4");
     folder_run(f, "head -c $(($(grep -abom1 mdat b.mp4 | cut -d: -f1) + 4)) "
-               "b.mp4 >a.mp4");
+                  "b.mp4 >a.mp4");
     write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
     refused(f->path, "a.mp4", "it may be cut short");
 }
@@ -140,11 +144,12 @@ TEST_IN_FOLDER(pipe_should_not_be_waited_for)
 
 TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
 {
-    static const char *const absurd[] = {
-        "\"fl_x\": 1e-5", "\"fl_x\": 0.6", "\"fl_x\": 1e9",
-        "\"fl_x\": 30, \"fl_y\": 1e-300", "\"camera_angle_x\": 3.14159",
-        "\"camera_angle_x\": 1e-6"
-    };
+    static const char *const absurd[] = { "\"fl_x\": 1e-5",
+                                          "\"fl_x\": 0.6",
+                                          "\"fl_x\": 1e9",
+                                          "\"fl_x\": 30, \"fl_y\": 1e-300",
+                                          "\"camera_angle_x\": 3.14159",
+                                          "\"camera_angle_x\": 1e-6" };
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_png(f, "a.png");

@@ -29,8 +29,8 @@ static saga_survey survey(const saga_capture *c)
 }
 
 /* Returns the angle in degrees between two cameras as seen from a place. */
-static double angle_from(const double x[3], const saga_shot *a,
-                         const saga_shot *b)
+static double angle_from(const double x[3], const saga_source_view *a,
+                         const saga_source_view *b)
 {
     double p[3], q[3], pq = 0, pp = 0, qq = 0;
 
@@ -44,7 +44,7 @@ static double angle_from(const double x[3], const saga_shot *a,
     return acos(pq / sqrt(pp * qq)) * 180 / 3.14159265358979;
 }
 
-TEST_WITH(room_should_have_nothing_to_mind, make_room, synth_leave)
+TEST_WITH(room_should_have_no_warnings, make_room, synth_leave)
 {
     const saga_capture *const c = *state;
     FREED_BY(saga_survey_free) saga_survey s = survey(c);
@@ -93,7 +93,7 @@ static void flicker(const saga_capture *c)
 TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
-    saga_shot *const v = &c->views[3];
+    saga_source_view *const v = &c->views[3];
     const size_t n = saga_view_frame_nbytes(v);
     FREED_BY(saga_survey_free) saga_survey s;
 
@@ -105,13 +105,13 @@ TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
                     s.views[i].late.tolerance);
     assert_true(says(&s, "cam03 seems to run 3.0 frames (+-0."));
     assert_true(says(&s, ") behind the others: give --late cam03=3, or "
-                     "hold it"));
+                         "hold it"));
 }
 
 TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
-    saga_shot *const v = &c->views[5];
+    saga_source_view *const v = &c->views[5];
     FREED_BY(saga_survey_free) saga_survey s;
 
     /* The camera gets half of the light. */
@@ -125,19 +125,19 @@ TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
 }
 
 /* Ways in which the pictures of a camera are dead, or show something else. */
-static void make_black(saga_capture *c, saga_shot *v, size_t n)
+static void make_black(saga_capture *c, saga_source_view *v, size_t n)
 {
     (void)c;
     memset(v->rgb, 3, n * N_FRAMES);
 }
 
-static void make_white(saga_capture *c, saga_shot *v, size_t n)
+static void make_white(saga_capture *c, saga_source_view *v, size_t n)
 {
     (void)c;
     memset(v->rgb, 250, n * N_FRAMES);
 }
 
-static void make_noise(saga_capture *c, saga_shot *v, size_t n)
+static void make_noise(saga_capture *c, saga_source_view *v, size_t n)
 {
     uint32_t x = 1;
 
@@ -146,7 +146,7 @@ static void make_noise(saga_capture *c, saga_shot *v, size_t n)
         v->rgb[i] = (uint8_t)((x = x * 1664525u + 1013904223u) >> 24);
 }
 
-static void exchange_channels(saga_capture *c, saga_shot *v, size_t n)
+static void exchange_channels(saga_capture *c, saga_source_view *v, size_t n)
 {
     (void)c;
     for (size_t i = 0; i < n * N_FRAMES; i += 3) {
@@ -157,14 +157,14 @@ static void exchange_channels(saga_capture *c, saga_shot *v, size_t n)
     }
 }
 
-static void make_grey(saga_capture *c, saga_shot *v, size_t n)
+static void make_grey(saga_capture *c, saga_source_view *v, size_t n)
 {
     (void)c;
     for (size_t i = 0; i < n * N_FRAMES; i += 3)
         memset(v->rgb + i, v->rgb[i + 1], 3);
 }
 
-static void freeze(saga_capture *c, saga_shot *v, size_t n)
+static void freeze(saga_capture *c, saga_source_view *v, size_t n)
 {
     flicker(c);
     for (size_t k = 3; k < N_FRAMES; k++)
@@ -172,7 +172,7 @@ static void freeze(saga_capture *c, saga_shot *v, size_t n)
 }
 
 /* Averages boxes of 7 x 7 pixels. */
-static void defocus(saga_capture *c, saga_shot *v, size_t n)
+static void defocus(saga_capture *c, saga_source_view *v, size_t n)
 {
     FREED uint8_t *const from = copy_of(v->rgb, n * N_FRAMES);
 
@@ -195,7 +195,7 @@ static void defocus(saga_capture *c, saga_shot *v, size_t n)
 TEST_WITH(dead_and_foreign_cameras_should_be_named, make_room, synth_leave)
 {
     static const struct {
-        void (*plant)(saga_capture *c, saga_shot *v, size_t n);
+        void (*plant)(saga_capture *c, saga_source_view *v, size_t n);
         const char *note;
     } faults[] = {
         { make_black, "Nothing is seen: cam04 is black (in 3 of 3 pictures" },
@@ -207,7 +207,7 @@ TEST_WITH(dead_and_foreign_cameras_should_be_named, make_room, synth_leave)
         { defocus, "Out of focus: cam04 has " }
     };
     saga_capture *const c = *state;
-    saga_shot *const v = &c->views[4];
+    saga_source_view *const v = &c->views[4];
     const size_t n = saga_view_frame_nbytes(v);
     uint8_t *right[N_VIEWS];
 
@@ -235,7 +235,7 @@ TEST_WITH(dead_and_foreign_cameras_should_be_named, make_room, synth_leave)
 TEST_WITH(camera_that_looks_away_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
-    saga_shot *const v = &c->views[2];
+    saga_source_view *const v = &c->views[2];
     FREED_BY(saga_survey_free) saga_survey s;
 
     /* The camera is turned by half a turn about its own y axis. */
@@ -267,7 +267,7 @@ TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
     s = survey(&four);
     assert_false(s.free_views);
     assert_true(says(&s, "degrees apart without points do not allow free "
-                     "views"));
+                         "views"));
     saga_survey_free(&s);
 }
 

@@ -44,7 +44,8 @@ TEST_IN_FOLDER(video_should_give_its_frames_in_order)
     check_frames(&c, 3, 4);
     saga_capture_free(&c);
     o.end_frame = 13;
-    refused_with(f->path, &o, f->path, "--frames 3:13 is not in the capture's "
+    refused_with(f->path, &o, f->path,
+                 "--frames 3:13 is not in the capture's "
                  "12 frames");
     o.end_frame = 3;
     refused_with(f->path, &o, f->path, "--frames 3:3 is empty");
@@ -55,8 +56,10 @@ TEST_IN_FOLDER(video_should_give_the_same_for_any_threads)
     saga_capture_options o = saga_capture_defaults();
     saga_capture a, b;
 
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
-               "d=0.5 -c:v libx264 a.mp4 && cp a.mp4 b.mp4", W, H);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=0.5 -c:v libx264 a.mp4 && cp a.mp4 b.mp4",
+               W, H);
     write_json(f, "", two, 2);
     o.n_threads = 1;
     a = load_with(f->path, &o);
@@ -94,8 +97,7 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
                          bool full)
 {
     static const double colours[4][3] = {
-        { 90, 110, 160 }, { 150, 160, 100 }, { 60, 128, 140 },
-        { 200, 120, 128 }
+        { 90, 110, 160 }, { 150, 160, 100 }, { 60, 128, 140 }, { 200, 120, 128 }
     };
     const char *const name[] = { "c.mp4" };
     FREED_BY(saga_capture_free) saga_capture c;
@@ -105,7 +107,8 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
         for (int i = 0; i < 3 * W * H; i++)
             put_le(&b, (uint64_t)colours[k][i / (W * H)], 1);
     write_bytes(f, "raw", &b);
-    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p "
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p "
                "%s -s %dx%d -r 5 -i raw -c:v libx264 -qp 0 %s -y c.mp4",
                tags, W, H, tags);
     write_json(f, "", name, 1);
@@ -123,8 +126,7 @@ TEST_IN_FOLDER(colour_should_follow_the_tags)
 {
     check_colour(f, "", 0.2126, 0.0722, false);
     check_colour(f, "-colorspace smpte170m", 0.299, 0.114, false);
-    check_colour(f, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
-                 true);
+    check_colour(f, "-colorspace bt709 -color_range pc", 0.2126, 0.0722, true);
     check_colour(f, "-colorspace bt2020nc", 0.2627, 0.0593, false);
 }
 
@@ -229,8 +231,10 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
     FREED_BY(saga_bytes_free) saga_bytes all;
     bytes part;
 
-    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
-               "d=1 -c:v libx264 -g 2 -t 1 a.mkv", 8 * W, 8 * H);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=1 -c:v libx264 -g 2 -t 1 a.mkv",
+               8 * W, 8 * H);
     assert_done(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
     part = (bytes){ all.data, all.nbytes, all.nbytes };
     write_json(f, "", name, 1);
@@ -250,7 +254,7 @@ TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
 
     write_video(f, "a.mp4", 3, 25, "");
     folder_run(f, "cp a.mp4 \"./-a;'b \\$(c).mp4\" && cp a.mp4 "
-               "'concat:d|e.mp4'");
+                  "'concat:d|e.mp4'");
     write_json(f, "", odd, 2);
     c = load(f->path);
     check_frames(&c, 0, 3);

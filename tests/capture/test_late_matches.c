@@ -10,15 +10,14 @@
 #include "testing.h"
 
 enum {
-    AHEAD = 3,               /* frames before the first that is used */
-    N_FRAMES = 14,           /* the smallest number that is examined */
+    AHEAD = 3,     /* frames before the first that is used */
+    N_FRAMES = 14, /* the smallest number that is examined */
     N_PICTURES = N_FRAMES + 2 * AHEAD
 };
 
 /* Finds delays from N_FRAMES frames of every view; the given view shows frames
  * that were taken `by` frames earlier, as if it were late. */
-static void find(saga_lateness *late, const saga_capture *all, int view,
-                 int by)
+static void find(saga_lateness *late, const saga_capture *all, int view, int by)
 {
     saga_capture c = *all;
     saga_error error = { "" };
@@ -36,9 +35,14 @@ static void find(saga_lateness *late, const saga_capture *all, int view,
 /* --- Drawn here ---------------------------------------------------------- */
 
 enum {
-    N_VIEWS = 4, W = 144, H = 120,
-    STAMP = 12, COLUMNS = 4, ROWS = 5, EVERY = 24, /* pixels */
-    SPEED = 4                /* pixels a frame, twice what is called near */
+    N_VIEWS = 4,
+    W = 144,
+    H = 120,
+    STAMP = 12,
+    COLUMNS = 4,
+    ROWS = 5,
+    EVERY = 24, /* pixels */
+    SPEED = 4   /* pixels a frame, twice what is called near */
 };
 
 /* Draws stamps of noise that move up and down in columns and re-enter at the
@@ -67,23 +71,29 @@ static void draw(uint8_t *rgb, int view, int frame, int n_of_set)
     }
 }
 
-static saga_capture drawn(saga_shot views[N_VIEWS], int n_of_set)
+static saga_capture drawn(saga_source_view views[N_VIEWS], int n_of_set)
 {
     for (int v = 0; v < N_VIEWS; v++) {
-        views[v] = (saga_shot){
-            .width = W, .height = H, .fx = W, .fy = W, .cx = W / 2.0,
-            .cy = H / 2.0, .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+        views[v] = (saga_source_view){
+            .width = W,
+            .height = H,
+            .fx = W,
+            .fy = W,
+            .cx = W / 2.0,
+            .cy = H / 2.0,
+            .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
             .translation = { -v, 0, 0 },
             .rgb = must(malloc((size_t)N_PICTURES * 3 * W * H))
         };
         for (int k = 0; k < N_PICTURES; k++)
             draw(views[v].rgb + (size_t)k * 3 * W * H, v, k, n_of_set);
     }
-    return (saga_capture){ .n_views = N_VIEWS, .n_frames = N_PICTURES,
-                           .fps = 24, .views = views };
+    return (saga_capture){
+        .n_views = N_VIEWS, .n_frames = N_PICTURES, .fps = 24, .views = views
+    };
 }
 
-static void free_drawn(saga_shot views[N_VIEWS])
+static void free_drawn(saga_source_view views[N_VIEWS])
 {
     for (int v = 0; v < N_VIEWS; v++)
         free(views[v].rgb);
@@ -98,10 +108,11 @@ static void free_drawn(saga_shot views[N_VIEWS])
  * some corners are displaced. */
 TEST(lateness_should_be_exact_where_all_matches)
 {
-    static const struct { int view, by; double others; } late_one[] = {
-        { 1, -2, 0 }, { 3, 1, -1 / 6.0 }
-    };
-    saga_shot views[N_VIEWS];
+    static const struct {
+        int view, by;
+        double others;
+    } late_one[] = { { 1, -2, 0 }, { 3, 1, -1 / 6.0 } };
+    saga_source_view views[N_VIEWS];
     const saga_capture c = drawn(views, N_VIEWS);
 
     for (int i = 0; i < 2; i++) {
@@ -126,7 +137,7 @@ TEST(lateness_should_be_exact_where_all_matches)
  * be told late, because nothing says which one is. */
 TEST(two_cameras_that_match_only_each_other_should_tell_nothing)
 {
-    saga_shot views[N_VIEWS];
+    saga_source_view views[N_VIEWS];
     const saga_capture c = drawn(views, 2);
     saga_lateness late[N_VIEWS];
 
@@ -141,7 +152,7 @@ TEST(two_cameras_that_match_only_each_other_should_tell_nothing)
  * must give no delay. */
 TEST(too_little_should_tell_nothing)
 {
-    saga_shot views[N_VIEWS];
+    saga_source_view views[N_VIEWS];
     const saga_capture c = drawn(views, N_VIEWS);
 
     for (int trial = 0; trial < 3; trial++) {
@@ -206,8 +217,8 @@ TEST(lateness_should_be_within_its_tolerance)
         saga_capture c;
 
         assert_int_equal(folder_make(&f), 0);
-        c = film(folder_file(f, "scene"), scene ? SAGA_SYNTH_RING
-                                                : SAGA_SYNTH_ROOM);
+        c = film(folder_file(f, "scene"),
+                 scene ? SAGA_SYNTH_RING : SAGA_SYNTH_ROOM);
         folder_remove(&f);
         for (int i = 0; i < 4; i++)
             plant(&c, (2 * i + 1) % N_CAMERAS, by[i]);

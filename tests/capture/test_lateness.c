@@ -10,8 +10,11 @@
 #include "testing.h"
 
 enum {
-    W = 96, H = 54, N_VIEWS = 6, N_FRAMES = 70,
-    AHEAD = 6,               /* frames before the first that is used */
+    W = 96,
+    H = 54,
+    N_VIEWS = 6,
+    N_FRAMES = 70,
+    AHEAD = 6, /* frames before the first that is used */
     N_PICTURES = N_FRAMES + 2 * AHEAD,
     NBYTES = 3 * W * H
 };
@@ -25,7 +28,7 @@ static void draw(uint8_t *rgb, const saga_synth_options *o, int camera,
                  double frame)
 {
     saga_synth_world world;
-    saga_shot v;
+    saga_source_view v;
 
     saga_synth_view(o, camera, &v);
     saga_synth_world_at(&world, o, frame / o->fps);
@@ -43,8 +46,8 @@ static void draw(uint8_t *rgb, const saga_synth_options *o, int camera,
         }
         saga_synth_light(&world, origin, d, light);
         for (int k = 0; k < 3; k++)
-            rgb[3 * i + k] = (uint8_t)(255.0 * sqrt(fmin(fmax(light[k], 0.0),
-                                                         1.0)) + 0.5);
+            rgb[3 * i + k] =
+                (uint8_t)(255.0 * sqrt(fmin(fmax(light[k], 0.0), 1.0)) + 0.5);
     }
 }
 
@@ -82,18 +85,19 @@ static void find(saga_lateness late[N_VIEWS], const films *f, int view,
                  double by)
 {
     const int whole = (int)floor(by);
-    saga_shot shots[N_VIEWS];
-    saga_capture c = { .n_views = N_VIEWS, .n_frames = N_FRAMES,
-                       .views = shots };
+    saga_source_view views[N_VIEWS];
+    saga_capture c = { .n_views = N_VIEWS,
+                       .n_frames = N_FRAMES,
+                       .views = views };
 
-    memset(shots, 0, sizeof shots);
+    memset(views, 0, sizeof views);
     for (int v = 0; v < N_VIEWS; v++) {
         uint8_t *const film = v == view && by > whole ? f->part[v]
                                                       : f->whole[v];
 
-        shots[v].width = W;
-        shots[v].height = H;
-        shots[v].rgb = film + (AHEAD - (v == view ? whole : 0)) * NBYTES;
+        views[v].width = W;
+        views[v].height = H;
+        views[v].rgb = film + (AHEAD - (v == view ? whole : 0)) * NBYTES;
     }
     assert_done(saga_lateness_find(late, &c, &error));
 }
@@ -138,8 +142,8 @@ TEST(lateness_should_be_right_or_not_told)
                 plant(&f, by[i], &part, &n_part);
             else
                 plant(&f, by[i], &whole, &n_whole);
-        print_message("told %d of %d of whole frames, %d of %d of 0.3\n",
-                      whole, n_whole, part, n_part);
+        print_message("told %d of %d of whole frames, %d of %d of 0.3\n", whole,
+                      n_whole, part, n_part);
         free_films(&f);
     }
     assert_true(4 * whole >= n_whole);

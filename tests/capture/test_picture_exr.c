@@ -10,21 +10,29 @@
 
 #include <OpenEXR/openexr.h>
 
-enum { W = 48, H = 40, HALF = EXR_PIXEL_HALF, FLOAT = EXR_PIXEL_FLOAT,
-       UINT = EXR_PIXEL_UINT, TILE = 16 };
+enum {
+    W = 48,
+    H = 40,
+    HALF = EXR_PIXEL_HALF,
+    FLOAT = EXR_PIXEL_FLOAT,
+    UINT = EXR_PIXEL_UINT,
+    TILE = 16
+};
 
-#define BOX(left, top, right, bottom) \
-    { .min = { .x = left, .y = top }, .max = { .x = right, .y = bottom } }
+#define BOX(left, top, right, bottom)                                     \
+    {                                                                     \
+        .min = { .x = left, .y = top }, .max = {.x = right, .y = bottom } \
+    }
 #define WHOLE BOX(5, -3, 5 + W - 1, -3 + H - 1)
 
 typedef struct {
     const char *name;
     int compression, storage, type, tolerance;
-    const char *channels;    /* sorted, with spaces between; "/2": half size;
-                              * "|": another part begins */
+    const char *channels; /* sorted, with spaces between; "/2": half size;
+                           * "|": another part begins */
     exr_attr_box2i_t data;
-    const char *refused;     /* NULL: it is read */
-    const char *ignored;     /* what probing says */
+    const char *refused; /* NULL: it is read */
+    const char *ignored; /* what probing says */
 } row;
 
 /* The light of a channel at a pixel of the display window, in 8-bit sRGB. */
@@ -73,15 +81,13 @@ static void write_chunks(exr_context_t context, const row *r, int part,
                                                    y / TILE, 0, 0, &chunk)
                        : exr_write_scanline_chunk_info(
                              context, part, r->data.min.y + y, &chunk));
-            done(x + y == 0 ? exr_encoding_initialize(context, part, &chunk,
-                                                      &encode)
-                            : exr_encoding_update(context, part, &chunk,
-                                                  &encode));
+            done(x + y == 0
+                     ? exr_encoding_initialize(context, part, &chunk, &encode)
+                     : exr_encoding_update(context, part, &chunk, &encode));
             for (int c = 0; c < encode.channel_count; c++) {
                 exr_coding_channel_info_t *const ch = &encode.channels[c];
 
-                ch->encode_from_ptr =
-                    (const uint8_t *)(planes[c] + y * w + x);
+                ch->encode_from_ptr = (const uint8_t *)(planes[c] + y * w + x);
                 ch->user_bytes_per_element = 4;
                 ch->user_data_type = FLOAT;
                 ch->user_pixel_stride = 4;
@@ -110,8 +116,9 @@ static int add_channels(exr_context_t context, const row *r, int part,
         if (small)
             *strstr(s, "/2") = '\0';
         /* Of mixed types the first is a float. */
-        done(exr_add_channel(context, part, s, (exr_pixel_type_t)(
-            r->type < 0 ? n ? HALF : FLOAT : r->type),
+        done(exr_add_channel(
+            context, part, s,
+            (exr_pixel_type_t)(r->type < 0 ? n ? HALF : FLOAT : r->type),
             EXR_PERCEPTUALLY_LOGARITHMIC, small ? 2 : 1, small ? 2 : 1));
     }
     return n;
@@ -121,8 +128,9 @@ static void write_exr(const char *path, const row *r)
 {
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     const exr_attr_box2i_t display = WHOLE;
-    const exr_attr_chromaticities_t wide = { 0.7347f, 0.2653f, 0, 1, 0.0001f,
-                                             -0.077f, 0.32168f, 0.33767f };
+    const exr_attr_chromaticities_t wide = { 0.7347f,  0.2653f, 0,
+                                             1,        0.0001f, -0.077f,
+                                             0.32168f, 0.33767f };
     const exr_attr_v2f_t zero = { .x = 0, .y = 0 };
     const float aspect = r->ignored && strstr(r->ignored, "Aspect") ? 2 : 1;
     const bool deep = r->storage == EXR_STORAGE_DEEP_SCANLINE;
@@ -171,9 +179,10 @@ static void write_exr(const char *path, const row *r)
                 const int a = strcmp(r->name, "opacity") ? 255 : opacity(x);
 
                 /* Fire has light and no opacity. */
-                planes[c][i] = initials[p][c] == 'A' ? (float)a / 255
-                    : (float)(saga_srgb_to_linear(v / 255.0) *
-                              (a ? a / 255.0 : 1));
+                planes[c][i] = initials[p][c] == 'A'
+                                   ? (float)a / 255
+                                   : (float)(saga_srgb_to_linear(v / 255.0) *
+                                             (a ? a / 255.0 : 1));
             }
         }
         write_chunks(context, r, p, planes);
@@ -203,18 +212,18 @@ static const row rows[] = {
     { "DWAB", EXR_COMPRESSION_DWAB, LINES, HALF, 8, "B G R", WHOLE, 0, 0 },
     { "mixed types", EXR_COMPRESSION_ZIP, LINES, -1, 0, "B G R", WHOLE, 0, 0 },
     { "tiles", EXR_COMPRESSION_ZIP, TILES, HALF, 0, "B G R", WHOLE, 0, 0 },
-    { "tiles, PIZ", EXR_COMPRESSION_PIZ, TILES, HALF, 0, "A B G R", WHOLE,
-      0, 0 },
+    { "tiles, PIZ", EXR_COMPRESSION_PIZ, TILES, HALF, 0, "A B G R", WHOLE, 0,
+      0 },
     { "grey", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "Y", WHOLE, 0, 0 },
     { "grey, A", EXR_COMPRESSION_ZIP, TILES, HALF, 0, "A Y", WHOLE, 0, 0 },
-    { "others", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "A B G N.X R Z", WHOLE,
-      0, 0 },
+    { "others", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "A B G N.X R Z", WHOLE, 0,
+      0 },
     { "whole numbers", EXR_COMPRESSION_ZIP, LINES, UINT, 0, "B G R", WHOLE,
       "B (whole numbers), G", 0 },
-    { "part with Z", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "Z|B G R", WHOLE,
+    { "part with Z", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "Z|B G R", WHOLE, 0,
+      0 },
+    { "part of tiles", EXR_COMPRESSION_ZIP, TILES, HALF, 0, "A B G R|Z", WHOLE,
       0, 0 },
-    { "part of tiles", EXR_COMPRESSION_ZIP, TILES, HALF, 0, "A B G R|Z",
-      WHOLE, 0, 0 },
     { "cropped", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "B G R",
       BOX(15, 7, 40, 30), 0, 0 },
     { "cropped tiles", EXR_COMPRESSION_ZIP, TILES, HALF, 0, "B G R",
@@ -238,8 +247,8 @@ static const row rows[] = {
       "but L.B, L.G, L.R", 0 },
     { "views", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "B G R|B G R", WHOLE,
       "several parts", 0 },
-    { "deep", EXR_COMPRESSION_ZIPS, EXR_STORAGE_DEEP_SCANLINE, HALF, 0,
-      "B G R", WHOLE, "B (deep), G (deep)", 0 },
+    { "deep", EXR_COMPRESSION_ZIPS, EXR_STORAGE_DEEP_SCANLINE, HALF, 0, "B G R",
+      WHOLE, "B (deep), G (deep)", 0 },
     { "elsewhere", EXR_COMPRESSION_ZIP, LINES, HALF, 0, "B G R",
       BOX(100, 100, 120, 120), "outside of its display window", 0 },
 };
@@ -256,7 +265,8 @@ static row as_written(const row *r)
     if (dwa && (major < 3 || (major == 3 && minor < 2))) {
         to.compression = EXR_COMPRESSION_PIZ;
         to.refused = r->compression == EXR_COMPRESSION_DWAA
-                         ? "compressed by DWAA" : "compressed by DWAB";
+                         ? "compressed by DWAA"
+                         : "compressed by DWAB";
     }
     return to;
 }
@@ -291,8 +301,9 @@ TEST_IN_FOLDER(exr_should_be_read_or_refused_by_name)
         write_exr(path, r);
         set_compression(f, "a.exr", rows[i].compression);
         ok = saga_picture_probe(path, &look, &error) &&
-             saga_picture_read(path, &(saga_picture_wish){
-                 .width = W, .height = H }, rgb, &error);
+             saga_picture_read(path,
+                               &(saga_picture_wish){ .width = W, .height = H },
+                               rgb, &error);
         if (ok == (r->refused != NULL))
             fail_msg("%s: %s", r->name, ok ? "was read" : error.message);
         for (int k = 0; ok && k < 3 * W * H; k++) {
@@ -317,13 +328,13 @@ TEST_IN_FOLDER(exr_should_be_read_or_refused_by_name)
 /* Depth is read from the part that has it, and is 0 outside the data window. */
 TEST_IN_FOLDER(exr_depth_should_be_placed_in_the_display_window)
 {
-    static const row r = { "depth", EXR_COMPRESSION_ZIP, TILES, FLOAT, 0,
-                           "B G R|Z", BOX(15, 7, 40, 30), 0, 0 };
+    static const row r = { "depth",   EXR_COMPRESSION_ZIP, TILES, FLOAT, 0,
+                           "B G R|Z", BOX(15, 7, 40, 30),  0,     0 };
     float depth[W * H];
 
     write_exr(folder_file(f, "z.exr"), &r);
-    assert_done(saga_exr_read_depth(folder_file(f, "z.exr"), W, H, depth,
-                                    &error));
+    assert_done(
+        saga_exr_read_depth(folder_file(f, "z.exr"), W, H, depth, &error));
     for (int i = 0; i < W * H; i++) {
         const int x = i % W, y = i / W;
         const float v = (float)saga_srgb_to_linear(code(x, y, 'Z') / 255.0);
@@ -336,16 +347,26 @@ TEST_IN_FOLDER(exr_depth_should_be_placed_in_the_display_window)
  * over black as it is; alone, it is divided by it. */
 TEST_IN_FOLDER(exr_should_follow_the_rule_of_opacity)
 {
-    static const row r = { "opacity", EXR_COMPRESSION_ZIP, LINES, FLOAT, 0,
-                           "A B G R", BOX(6, -3, 5 + W - 1, -3 + H - 1), 0, 0 };
+    static const row r = { "opacity",
+                           EXR_COMPRESSION_ZIP,
+                           LINES,
+                           FLOAT,
+                           0,
+                           "A B G R",
+                           BOX(6, -3, 5 + W - 1, -3 + H - 1),
+                           0,
+                           0 };
     uint8_t rgb[3 * W * H], rgba[4 * W * H];
     const char *const path = folder_file(f, "a.exr");
 
     write_exr(path, &r);
-    assert_done(saga_picture_read(path, &(saga_picture_wish){
-        .width = W, .height = H }, rgb, &error));
-    assert_done(saga_picture_read(path, &(saga_picture_wish){
-        .width = W, .height = H, .form = SAGA_PICTURE_RGBA }, rgba, &error));
+    assert_done(saga_picture_read(
+        path, &(saga_picture_wish){ .width = W, .height = H }, rgb, &error));
+    assert_done(saga_picture_read(
+        path,
+        &(saga_picture_wish){
+            .width = W, .height = H, .form = SAGA_PICTURE_RGBA },
+        rgba, &error));
     for (int i = 0; i < W * H; i++) {
         const int x = i % W, a = x ? opacity(x) : 0;
 
@@ -354,8 +375,9 @@ TEST_IN_FOLDER(exr_should_follow_the_rule_of_opacity)
             const int v = code(x, i / W, "RGB"[c]);
 
             assert_int_equal(rgba[4 * i + c], a ? v : 0);
-            assert_int_equal(rgb[3 * i + c], saga_linear_to_srgb8(
-                saga_srgb_to_linear(v / 255.0) * a / 255));
+            assert_int_equal(
+                rgb[3 * i + c],
+                saga_linear_to_srgb8(saga_srgb_to_linear(v / 255.0) * a / 255));
         }
     }
 }

@@ -31,8 +31,9 @@ static bool look_and_read(const char *path, uint8_t *rgb,
                           saga_picture_look *look, saga_error *error)
 {
     return saga_picture_probe(path, look, error) &&
-           saga_picture_read(path, &(saga_picture_wish){
-               .width = W, .height = H }, rgb, error);
+           saga_picture_read(path,
+                             &(saga_picture_wish){ .width = W, .height = H },
+                             rgb, error);
 }
 
 static void check_close(const uint8_t *rgb, const char *name, int most)
@@ -85,9 +86,10 @@ static void write_png(const char *path, int type, int depth, int interlaced)
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL,
                                               NULL);
     png_infop info = png_create_info_struct(png);
-    const int n = type == PNG_COLOR_TYPE_RGB ? 3
-                  : type == PNG_COLOR_TYPE_RGB_ALPHA ? 4
-                  : type == PNG_COLOR_TYPE_GRAY_ALPHA ? 2 : 1;
+    const int n = type == PNG_COLOR_TYPE_RGB          ? 3
+                  : type == PNG_COLOR_TYPE_RGB_ALPHA  ? 4
+                  : type == PNG_COLOR_TYPE_GRAY_ALPHA ? 2
+                                                      : 1;
 
     for (int i = 0; i < 256; i++)
         colours[i] = (png_color){ (png_byte)i, (png_byte)(255 - i), 9 };
@@ -115,7 +117,9 @@ static void write_png(const char *path, int type, int depth, int interlaced)
 
 TEST_IN_FOLDER(png_of_every_kind_should_be_read)
 {
-    static const struct { int type, depths; } kinds[] = {
+    static const struct {
+        int type, depths;
+    } kinds[] = {
         { PNG_COLOR_TYPE_GRAY, 1 | 2 | 4 | 8 | 16 },
         { PNG_COLOR_TYPE_RGB, 8 | 16 },
         { PNG_COLOR_TYPE_PALETTE, 1 | 2 | 4 | 8 },
@@ -140,8 +144,9 @@ TEST_IN_FOLDER(png_of_every_kind_should_be_read)
             const int most = (1 << depth) - 1;
 
             if (type == PNG_COLOR_TYPE_PALETTE)
-                assert_int_equal(rgb[i], i % 3 == 0 ? v : i % 3 == 1 ? 255 - v
-                                                                     : 9);
+                assert_int_equal(rgb[i], i % 3 == 0   ? v
+                                         : i % 3 == 1 ? 255 - v
+                                                      : 9);
             else
                 assert_int_equal(rgb[i], (v * 255 + most / 2) / most);
         }
@@ -174,7 +179,10 @@ static const char exif6[] = "II*\0\10\0\0\0\1\0\x12\1\3\0\1\0\0\0"
 TEST_IN_FOLDER(png_should_say_what_it_asks_for)
 {
     static const struct {
-        const char *type, *data; size_t n; const char *ignored; int turned;
+        const char *type, *data;
+        size_t n;
+        const char *ignored;
+        int turned;
     } kinds[] = {
         { "gAMA", "\0\1\x86\xa0", 4, "gAMA 1", 0 },
         { "gAMA", "\0\0\xb1\x8f", 4, "", 0 },
@@ -219,7 +227,8 @@ static void encode_jpeg(bytes *b, int format, int subsampling, int flags)
 
     fill(rgb);
     assert_int_equal(tjCompress2(encoder, rgb, W, 0, H, format, &jpeg, &n,
-                                 subsampling, 95, flags), 0);
+                                 subsampling, 95, flags),
+                     0);
     put(b, jpeg, n);
     tjFree(jpeg);
     tjDestroy(encoder);
@@ -238,7 +247,8 @@ static void encode_adobe(bytes *b)
     for (int i = 0; i < 3 * W * H; i++)
         planes[i % 3][i / 3] = (uint8_t)colour(i / 3 % W, i / 3 / W, i % 3);
     assert_int_equal(tjCompressFromYUVPlanes(encoder, pointers, W, NULL, H,
-                                             TJSAMP_444, &jpeg, &n, 95, 0), 0);
+                                             TJSAMP_444, &jpeg, &n, 95, 0),
+                     0);
     put(b, jpeg, 2);
     put(b, adobe, sizeof adobe - 1);
     /* The JFIF marker of 18 bytes, which means YCbCr, is left out. */
@@ -250,10 +260,13 @@ static void encode_adobe(bytes *b)
 TEST_IN_FOLDER(jpeg_of_every_kind_should_be_read_or_refused_by_name)
 {
     static const struct {
-        const char *name; int subsampling, flags;
+        const char *name;
+        int subsampling, flags;
     } kinds[] = {
-        { "4:4:4", TJSAMP_444, 0 }, { "4:2:2", TJSAMP_422, 0 },
-        { "4:2:0", TJSAMP_420, 0 }, { "4:4:0", TJSAMP_440, 0 },
+        { "4:4:4", TJSAMP_444, 0 },
+        { "4:2:2", TJSAMP_422, 0 },
+        { "4:2:0", TJSAMP_420, 0 },
+        { "4:4:0", TJSAMP_440, 0 },
         { "4:1:1", TJSAMP_411, 0 },
         { "progressive", TJSAMP_420, TJFLAG_PROGRESSIVE },
     };
@@ -299,9 +312,8 @@ TEST_IN_FOLDER(jpeg_of_every_kind_should_be_read_or_refused_by_name)
 static void encode_webp(bytes *b, const uint8_t *rgba, bool lossless)
 {
     uint8_t *webp = NULL;
-    const size_t n = lossless
-        ? WebPEncodeLosslessRGBA(rgba, W, H, 4 * W, &webp)
-        : WebPEncodeRGBA(rgba, W, H, 4 * W, 95, &webp);
+    const size_t n = lossless ? WebPEncodeLosslessRGBA(rgba, W, H, 4 * W, &webp)
+                              : WebPEncodeRGBA(rgba, W, H, 4 * W, 95, &webp);
 
     assert_true(n > 0);
     put(b, webp, n);
@@ -326,8 +338,8 @@ TEST_IN_FOLDER(webp_should_be_read_or_refused_by_name)
             check_refused(f, "b.webp", "WebP is damaged");
         }
         write_bytes(f, "a.webp", &b);
-        assert_done(look_and_read(folder_file(f, "a.webp"), rgb, &look,
-                                  &error));
+        assert_done(
+            look_and_read(folder_file(f, "a.webp"), rgb, &look, &error));
         check_close(rgb, "WebP", lossless ? 0 : 12);
     }
     /* A canvas with the flag of an animation, and the start of one. */
@@ -353,8 +365,10 @@ static void write_tiff(const char *path, int bits, int kind)
 
     for (int i = 0; i < 4 * W * H; i++) {
         const int a = opacities[i / 4 % 3], c = i % 4;
-        const int v = c == 3 ? a : kind == EXTRASAMPLE_ASSOCALPHA
-                      ? (base[c] * a + 127) / 255 : base[c];
+        const int v = c == 3 ? a
+                      : kind == EXTRASAMPLE_ASSOCALPHA
+                          ? (base[c] * a + 127) / 255
+                          : base[c];
 
         narrow[i] = (uint8_t)v;
         wide[i] = (uint16_t)(v * 257);
@@ -377,10 +391,13 @@ static void check_opacity(const char *path, int most)
 {
     uint8_t rgb[3 * W * H], rgba[4 * W * H];
 
-    assert_done(saga_picture_read(path, &(saga_picture_wish){
-        .width = W, .height = H }, rgb, &error));
-    assert_done(saga_picture_read(path, &(saga_picture_wish){
-        .width = W, .height = H, .form = SAGA_PICTURE_RGBA }, rgba, &error));
+    assert_done(saga_picture_read(
+        path, &(saga_picture_wish){ .width = W, .height = H }, rgb, &error));
+    assert_done(saga_picture_read(
+        path,
+        &(saga_picture_wish){
+            .width = W, .height = H, .form = SAGA_PICTURE_RGBA },
+        rgba, &error));
     for (int i = 0; i < W * H; i++) {
         const int a = opacities[i % 3];
 
@@ -444,9 +461,13 @@ TEST_IN_FOLDER(opacity_should_be_the_same_in_all_formats)
  * one are, from which the corners follow: for each orientation, where the shown
  * upper left and upper right corners are stored (0: left, top; 1: right,
  * bottom). */
-static const struct { int left[2], right[2]; } corners[9] = {
-    [5] = { { 0, 0 }, { 0, 1 } }, [6] = { { 0, 1 }, { 0, 0 } },
-    [7] = { { 1, 1 }, { 1, 0 } }, [8] = { { 1, 0 }, { 1, 1 } },
+static const struct {
+    int left[2], right[2];
+} corners[9] = {
+    [5] = { { 0, 0 }, { 0, 1 } },
+    [6] = { { 0, 1 }, { 0, 0 } },
+    [7] = { { 1, 1 }, { 1, 0 } },
+    [8] = { { 1, 0 }, { 1, 1 } },
 };
 
 /* Writes the picture as a file of kind k with an orientation. */
@@ -511,13 +532,12 @@ static const char *write_turned(folder *f, int k, int orientation)
  * whose curves are a power, and with a name. */
 static void put_profile(bytes *b, bool wide, double power, const char *name)
 {
-    static const double xyz[3][3] = {
-        { 0.4361, 0.2225, 0.0139 }, { 0.3851, 0.7169, 0.0971 },
-        { 0.1431, 0.0606, 0.7141 }
-    };
+    static const double xyz[3][3] = { { 0.4361, 0.2225, 0.0139 },
+                                      { 0.3851, 0.7169, 0.0971 },
+                                      { 0.1431, 0.0606, 0.7141 } };
     static const double red[3] = { 0.5151, 0.2412, -0.0011 };
-    static const char tags[7][5] = { "rXYZ", "gXYZ", "bXYZ", "rTRC", "gTRC",
-                                     "bTRC", "desc" };
+    static const char tags[7][5] = { "rXYZ", "gXYZ", "bXYZ", "rTRC",
+                                     "gTRC", "bTRC", "desc" };
     const size_t begin = b->n, table = 132 + 12 * 7, curve = table + 60;
     const size_t desc = curve + 16;
 
@@ -539,8 +559,10 @@ static void put_profile(bytes *b, bool wide, double power, const char *name)
     for (size_t i = 0; i < 3; i++) {
         put(b, "XYZ \0\0\0\0", 8);
         for (size_t k = 0; k < 3; k++)
-            put_be(b, (uint32_t)(int32_t)lround(
-                65536 * (i == 0 && wide ? red[k] : xyz[i][k])), 4);
+            put_be(b,
+                   (uint32_t)(int32_t)lround(
+                       65536 * (i == 0 && wide ? red[k] : xyz[i][k])),
+                   4);
     }
     put(b, "curv\0\0\0\0\0\0\0\1", 12);
     put_be(b, (uint64_t)lround(256 * power), 2);
@@ -599,7 +621,9 @@ static const char *write_profiled(folder *f, int k, const bytes *profile)
 TEST_IN_FOLDER(profiles_should_be_named_unless_they_are_of_srgb)
 {
     static const struct {
-        bool wide; double power; const char *name, *says;
+        bool wide;
+        double power;
+        const char *name, *says;
     } kinds[] = {
         { true, 2.2, "Display P3", "the ICC profile \"Display P3\"" },
         { false, 2.2, "c2", "" },
@@ -611,11 +635,9 @@ TEST_IN_FOLDER(profiles_should_be_named_unless_they_are_of_srgb)
             saga_picture_look look;
             bytes profile = { 0 };
 
-            put_profile(&profile, kinds[i].wide, kinds[i].power,
-                        kinds[i].name);
+            put_profile(&profile, kinds[i].wide, kinds[i].power, kinds[i].name);
             assert_done(saga_picture_probe(
-                folder_file(f, write_profiled(f, k, &profile)), &look,
-                &error));
+                folder_file(f, write_profiled(f, k, &profile)), &look, &error));
             assert_string_equal(look.ignored, kinds[i].says);
             assert_int_equal(look.width, W);
             free(profile.data);
@@ -625,16 +647,15 @@ TEST_IN_FOLDER(profiles_should_be_named_unless_they_are_of_srgb)
 static void check_pixel(const uint8_t *shown, const int at[2])
 {
     for (int c = 0; c < 3; c++)
-        assert_in_range(6 + shown[c] - colour(at[0] * (W - 1), at[1] * (H - 1),
-                                              c), 0, 12);
+        assert_in_range(
+            6 + shown[c] - colour(at[0] * (W - 1), at[1] * (H - 1), c), 0, 12);
 }
 
 TEST_IN_FOLDER(pictures_should_be_turned_as_their_exif_says)
 {
     for (int k = 0; k < 4; k++)
         for (int o = 1; o <= 8; o++) {
-            const char *const path =
-                folder_file(f, write_turned(f, k, o));
+            const char *const path = folder_file(f, write_turned(f, k, o));
             uint8_t rgb[3 * W * H];
             saga_picture_look look;
 
@@ -643,8 +664,11 @@ TEST_IN_FOLDER(pictures_should_be_turned_as_their_exif_says)
             check_close(rgb, path, k ? 0 : 6);
             if (o < 5)
                 continue;
-            assert_done(saga_picture_read(path, &(saga_picture_wish){
-                .width = H, .height = W, .upright = true }, rgb, &error));
+            assert_done(saga_picture_read(
+                path,
+                &(saga_picture_wish){
+                    .width = H, .height = W, .upright = true },
+                rgb, &error));
             check_pixel(rgb, corners[o].left);
             check_pixel(rgb + 3 * (H - 1), corners[o].right);
         }
@@ -654,9 +678,11 @@ static void write_calibration(folder *f, int w, int h, const char *picture)
 {
     bytes b = { 0 };
 
-    put_text(&b, "{\"w\": %d, \"h\": %d, \"fl_x\": 30, \"frames\": "
+    put_text(&b,
+             "{\"w\": %d, \"h\": %d, \"fl_x\": 30, \"frames\": "
              "[{\"file_path\": \"%s\", \"transform_matrix\": [[1,0,0,0]"
-             ",[0,1,0,0],[0,0,1,0]]}]}", w, h, picture);
+             ",[0,1,0,0],[0,0,1,0]]}]}",
+             w, h, picture);
     write_bytes(f, "transforms.json", &b);
 }
 
@@ -664,16 +690,19 @@ static void write_calibration(folder *f, int w, int h, const char *picture)
  * does not say that it is turned is refused. */
 TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
 {
-    static const struct { int w, h; const char *says; } sizes[] = {
-        { W, H, "used as they are stored" }, { H, W, "are turned" },
+    static const struct {
+        int w, h;
+        const char *says;
+    } sizes[] = {
+        { W, H, "used as they are stored" },
+        { H, W, "are turned" },
     };
 
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 2; i++) {
             FREED_BY(saga_capture_free) saga_capture c = { 0 };
 
-            write_calibration(f, sizes[i].w, sizes[i].h,
-                              write_turned(f, k, 6));
+            write_calibration(f, sizes[i].w, sizes[i].h, write_turned(f, k, 6));
             c = load(f->path);
             assert_int_equal(c.views[0].width, sizes[i].w);
             assert_int_equal(c.views[0].height, sizes[i].h);

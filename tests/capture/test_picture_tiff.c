@@ -13,16 +13,24 @@
 enum { W = 40, H = 24, ANY = 0 };
 
 enum {
-    TILES = 1, SEPARATE = 2, PREDICTED = 4, TWO_PAGES = 8, THUMBNAIL_NEXT = 16,
-    THUMBNAIL_FIRST = 32, DNG = 64, FLOATS = 128, SIGNED = 256, AS_RGB = 512
+    TILES = 1,
+    SEPARATE = 2,
+    PREDICTED = 4,
+    TWO_PAGES = 8,
+    THUMBNAIL_NEXT = 16,
+    THUMBNAIL_FIRST = 32,
+    DNG = 64,
+    FLOATS = 128,
+    SIGNED = 256,
+    AS_RGB = 512
 };
 
 typedef struct {
     const char *name;
     int compression, model, bits, n, flags, tolerance;
-    const char *refused;     /* NULL: it is read */
-    const char *mode;        /* of TIFFOpen; NULL: "w" */
-    int extra;               /* kind of the last sample + 1; 0: it is colour */
+    const char *refused; /* NULL: it is read */
+    const char *mode;    /* of TIFFOpen; NULL: "w" */
+    int extra;           /* kind of the last sample + 1; 0: it is colour */
 } row;
 
 /* The picture is smooth, so that lossy compression changes it little. */
@@ -53,9 +61,9 @@ static uint32_t sample(const row *r, int x, int y, int c)
     uint32_t s;
 
     if (r->model == PHOTOMETRIC_YCBCR && !(r->flags & AS_RGB))
-        return (uint32_t)(k[c][0] * colour(x, y, 0) + k[c][1] *
-                          colour(x, y, 1) + k[c][2] * colour(x, y, 2) +
-                          (c ? 128.5 : 0.5));
+        return (uint32_t)(k[c][0] * colour(x, y, 0) +
+                          k[c][1] * colour(x, y, 1) +
+                          k[c][2] * colour(x, y, 2) + (c ? 128.5 : 0.5));
     s = r->bits == 16 ? (uint32_t)(colour(x, y, c) * 257 + (x - 20) * 6)
                       : (uint32_t)(v * most(r) + 0.5);
     return r->model == PHOTOMETRIC_MINISWHITE ? most(r) - s : s;
@@ -86,7 +94,8 @@ static size_t pack(const row *r, uint8_t *to, const int at[2],
         for (int x = at[0]; x < at[0] + size[0]; x++)
             for (int c = p < 0 ? 0 : p; c < (p < 0 ? r->n : p + 1); c++) {
                 const uint32_t s = c < 3 ? sample(r, x < W ? x : W - 1,
-                                                  y < H ? y : H - 1, c) : 0;
+                                                  y < H ? y : H - 1, c)
+                                         : 0;
 
                 if (r->bits >= 16) {
                     const uint16_t half = (uint16_t)s;
@@ -98,8 +107,8 @@ static size_t pack(const row *r, uint8_t *to, const int at[2],
                 }
                 /* Bits come from the high end; rows begin at a byte. */
                 for (int b = r->bits; b-- > 0; used = (used + 1) % 8) {
-                    *to = (uint8_t)((used ? *to : 0) |
-                                    (s >> b & 1) << (7 - used));
+                    *to = (uint8_t)((used ? *to : 0) | (s >> b & 1)
+                                                           << (7 - used));
                     to += used == 7;
                 }
             }
@@ -127,8 +136,9 @@ static void write_page(TIFF *t, const row *r, uint32_t kind)
     if (r->extra)
         TIFFSetField(t, TIFFTAG_EXTRASAMPLES, 1, &extra);
     if (r->flags & (FLOATS | SIGNED))
-        TIFFSetField(t, TIFFTAG_SAMPLEFORMAT, r->flags & FLOATS
-                     ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_INT);
+        TIFFSetField(t, TIFFTAG_SAMPLEFORMAT,
+                     r->flags & FLOATS ? SAMPLEFORMAT_IEEEFP
+                                       : SAMPLEFORMAT_INT);
     if (r->flags & PREDICTED)
         TIFFSetField(t, TIFFTAG_PREDICTOR, PREDICTOR_HORIZONTAL);
     if (r->flags & DNG)
@@ -160,12 +170,15 @@ static void write_page(TIFF *t, const row *r, uint32_t kind)
                                            planes > 1 ? p : -1);
 
                 if (r->flags & TILES)
-                    TIFFWriteEncodedTile(t, TIFFComputeTile(
-                        t, (uint32_t)x, (uint32_t)y, 0, (uint16_t)p), data,
-                        (tmsize_t)nbytes);
+                    TIFFWriteEncodedTile(t,
+                                         TIFFComputeTile(t, (uint32_t)x,
+                                                         (uint32_t)y, 0,
+                                                         (uint16_t)p),
+                                         data, (tmsize_t)nbytes);
                 else
-                    TIFFWriteEncodedStrip(t, TIFFComputeStrip(
-                        t, (uint32_t)y, (uint16_t)p), data, (tmsize_t)nbytes);
+                    TIFFWriteEncodedStrip(
+                        t, TIFFComputeStrip(t, (uint32_t)y, (uint16_t)p), data,
+                        (tmsize_t)nbytes);
             }
     TIFFWriteDirectory(t);
 }
@@ -177,8 +190,8 @@ static void write_tiff(const char *path, const row *r)
     assert_non_null(t);
     write_page(t, r, r->flags & THUMBNAIL_FIRST ? FILETYPE_REDUCEDIMAGE : 0);
     if (r->flags & (TWO_PAGES | THUMBNAIL_NEXT))
-        write_page(t, r, r->flags & TWO_PAGES ? FILETYPE_PAGE
-                                              : FILETYPE_REDUCEDIMAGE);
+        write_page(
+            t, r, r->flags & TWO_PAGES ? FILETYPE_PAGE : FILETYPE_REDUCEDIMAGE);
     TIFFClose(t);
 }
 
@@ -187,15 +200,21 @@ static bool read_tiff(const char *path, uint8_t *rgb, saga_error *error)
     saga_picture_look look;
 
     return saga_picture_probe(path, &look, error) &&
-           saga_picture_read(path, &(saga_picture_wish){
-               .width = W, .height = H }, rgb, error);
+           saga_picture_read(path,
+                             &(saga_picture_wish){ .width = W, .height = H },
+                             rgb, error);
 }
 
 enum {
-    NONE = COMPRESSION_NONE, LZW = COMPRESSION_LZW, JPEG = COMPRESSION_JPEG,
-    DEFLATE = COMPRESSION_ADOBE_DEFLATE, RGB = PHOTOMETRIC_RGB,
-    GREY = PHOTOMETRIC_MINISBLACK, INK = PHOTOMETRIC_MINISWHITE,
-    PALETTE = PHOTOMETRIC_PALETTE, YCBCR = PHOTOMETRIC_YCBCR
+    NONE = COMPRESSION_NONE,
+    LZW = COMPRESSION_LZW,
+    JPEG = COMPRESSION_JPEG,
+    DEFLATE = COMPRESSION_ADOBE_DEFLATE,
+    RGB = PHOTOMETRIC_RGB,
+    GREY = PHOTOMETRIC_MINISBLACK,
+    INK = PHOTOMETRIC_MINISWHITE,
+    PALETTE = PHOTOMETRIC_PALETTE,
+    YCBCR = PHOTOMETRIC_YCBCR
 };
 
 /* The tolerances are those of lossy compression at libtiff's usual quality. */
@@ -299,7 +318,7 @@ TEST_IN_FOLDER(tiff_should_be_read_or_refused_by_name)
 /* Files that end early must not be read as black, whatever compresses them. */
 TEST_IN_FOLDER(tiff_should_be_refused_when_it_is_damaged)
 {
-    static const char *const names[] = { "plain", "LZW", "JPEG, YCbCr",
+    static const char *const names[] = { "plain", "LZW",  "JPEG, YCbCr",
                                          "fax 4", "WebP", "tiles" };
 
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
@@ -311,8 +330,8 @@ TEST_IN_FOLDER(tiff_should_be_refused_when_it_is_damaged)
                 !TIFFIsCODECConfigured((uint16_t)rows[i].compression))
                 continue;
             write_tiff(folder_file(f, "a.tif"), &rows[i]);
-            assert_done(saga_read_file(&whole, folder_file(f, "a.tif"),
-                                       &error));
+            assert_done(
+                saga_read_file(&whole, folder_file(f, "a.tif"), &error));
             for (size_t n = 8; n + 64 < whole.nbytes / 2; n += 53) {
                 bytes b = { 0 };
                 saga_error error = { "" };
@@ -366,8 +385,12 @@ static void write_old_jpeg(folder *f, const char *name, int compression)
 
 TEST_IN_FOLDER(tiff_of_old_jpeg_should_be_read_and_unknown_ones_refused)
 {
-    static const struct { int compression; const char *refused; } kinds[] = {
-        { COMPRESSION_OJPEG, NULL }, { 34712, "by a method (34712)" },
+    static const struct {
+        int compression;
+        const char *refused;
+    } kinds[] = {
+        { COMPRESSION_OJPEG, NULL },
+        { 34712, "by a method (34712)" },
         { 34661, "(34661), which this libtiff cannot read" },
     };
 

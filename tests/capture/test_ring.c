@@ -93,7 +93,7 @@ TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
     assert_int_equal(c.n_views, 4);
     assert_in_range(c.n_points, 20, 200);
     for (int i = 0; i < 4; i++) {
-        const saga_shot *const v = &c.views[i];
+        const saga_source_view *const v = &c.views[i];
 
         assert_int_equal(v->held_out, i == 2);
         assert_true(saga_view_project(v, target, uv, &z));
@@ -118,7 +118,7 @@ TEST(ring_should_hold_out_two_of_fourteen)
 
     assert_int_equal(o.n_cameras, 14);
     for (int i = 0; i < 14; i++) {
-        saga_shot v;
+        saga_source_view v;
 
         saga_synth_view(&o, i, &v);
         assert_int_equal(v.held_out, i == 4 || i == 9); /* a low and a high
@@ -237,19 +237,23 @@ static void one_capsule(saga_ring_state *s)
 
 TEST(capsule_should_be_met_where_it_is)
 {
-    static const double from[5][3] = {
-        { 0, 1, 1 }, { 0, -0.15, 1 }, { 1, -2, 1 }, { 0, -0.26, 1 },
-        { 0, 1, 1.26 } };
+    static const double from[5][3] = { { 0, 1, 1 },
+                                       { 0, -0.15, 1 },
+                                       { 1, -2, 1 },
+                                       { 0, -0.26, 1 },
+                                       { 0, 1, 1.26 } };
     static const double to[5][3] = {
-        { 2, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }, { 1, 0, 0 }, { 1, 0, 0 } };
+        { 2, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }, { 1, 0, 0 }, { 1, 0, 0 }
+    };
     /* The five rays hit the side (distances are in lengths of the direction,
      * which is 2), the ball at an end 0.15 beside its centre, where its half
      * chord is sqrt(.0625 - .0225) = 0.2, the same ball from ahead, and twice
      * the wall: past the end and past the side. */
     static const double far[5] = { 0.375, 0.8, 1.75, SAGA_RING_HALL,
                                    SAGA_RING_HALL };
-    static const double normal[3][3] = {
-        { -1, 0, 0 }, { -0.8, -0.6, 0 }, { 0, -1, 0 } };
+    static const double normal[3][3] = { { -1, 0, 0 },
+                                         { -0.8, -0.6, 0 },
+                                         { 0, -1, 0 } };
     saga_ring_state s;
 
     one_capsule(&s);
@@ -307,8 +311,7 @@ static double shown(double seconds, double sum[3])
 
         for (int k = 0; k < 3; k++) {
             d[k] = b->frame[0][k];
-            from[k] = b->a[k] - d[k] +
-                      0.15 * (i % 5 - 2) * b->frame[1][k] +
+            from[k] = b->a[k] - d[k] + 0.15 * (i % 5 - 2) * b->frame[1][k] +
                       0.15 * (i / 5 - 2) * b->frame[2][k];
         }
         assert_int_equal(saga_ring_trace(&s, from, d).object,
@@ -333,7 +336,8 @@ TEST(display_should_show_a_new_picture_in_every_frame)
         for (int k = 0; k < 3; k++)
             near(now[k], again[k]);
         assert_true(fabs(now[0] - last[0]) + fabs(now[1] - last[1]) +
-                    fabs(now[2] - last[2]) > 0.1);
+                        fabs(now[2] - last[2]) >
+                    0.1);
         memcpy(last, now, sizeof last);
     }
 }

@@ -13,7 +13,7 @@
 
 /* The targets: positions anywhere in the cube, features within +-4. */
 typedef struct {
-    double *x[3];            /* coarse, fine, prim */
+    double *x[3]; /* coarse, fine, prim */
     float *feature, *decoded;
 } wanted;
 
@@ -44,8 +44,8 @@ static void free_wanted(wanted *w)
 
 static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
 {
-    const saga_targets targets = { w->x[0], w->feature, w->x[1], w->x[2],
-                                   NULL, NULL };
+    const saga_targets targets = { w->x[0], w->feature, w->x[1],
+                                   w->x[2], NULL,       NULL };
     saga_decoded decoded = { .feature = w->decoded };
     saga_symbols *const s = &g->segment[0];
     saga_quantise_report report;
@@ -54,8 +54,8 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
     decoded.fine_x = zeroed(4 * (size_t)s->n.fine, sizeof(double));
     decoded.prim_x = zeroed(4 * (size_t)s->n.prim, sizeof(double));
     decoded.order = zeroed(s->n.prim, sizeof *decoded.order);
-    assert_done(saga_quantise_segment(s, &report, e, &targets, &decoded,
-                                      &error));
+    assert_done(
+        saga_quantise_segment(s, &report, e, &targets, &decoded, &error));
     free(decoded.coarse_x);
     free(decoded.fine_x);
     free(decoded.prim_x);
@@ -81,18 +81,17 @@ static void assert_same(const saga_symbols *a, const saga_symbols *b,
     assert_memory_equal(a->centre, b->centre, 16 * (size_t)a->n.coarse);
     assert_memory_equal(a->feature, b->feature,
                         4 * (size_t)a->n.coarse * features);
-    assert_memory_equal(a->fine_offset, b->fine_offset,
-                        16 * (size_t)a->n.fine);
-    assert_memory_equal(a->prim_suffix, b->prim_suffix,
-                        4 * (size_t)a->n.prim);
-    assert_memory_equal(a->prim_offset, b->prim_offset,
-                        16 * (size_t)a->n.prim);
+    assert_memory_equal(a->fine_offset, b->fine_offset, 16 * (size_t)a->n.fine);
+    assert_memory_equal(a->prim_suffix, b->prim_suffix, 4 * (size_t)a->n.prim);
+    assert_memory_equal(a->prim_offset, b->prim_offset, 16 * (size_t)a->n.prim);
 }
 
 static void check_loop(uint32_t i)
 {
-    const gen_options o = { .seed = testing_seed(1) + i, .level = (int)(i & 1u),
-                            .n_coarse = 12, .picture = 1,
+    const gen_options o = { .seed = testing_seed(1) + i,
+                            .level = (int)(i & 1u),
+                            .n_coarse = 12,
+                            .picture = 1,
                             .bank = (int)(i % 3) };
     uint64_t r = i;
     FREED_BY(saga_net_symbols_free) saga_net_symbols nets;

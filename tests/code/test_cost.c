@@ -93,8 +93,7 @@ TEST(counter_should_add_up_by_kind)
     assert_int_equal(q[2], -1);
     assert_int_equal(c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, 0), &m, 4), 3);
     assert_int_equal(c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, 1), &m, 4), 3);
-    assert_int_equal(c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, 0), 16),
-                     65535);
+    assert_int_equal(c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, 0), 16), 65535);
     assert_true(is_near(k.bits[SAGA_SYM_CENTRE], 1.3847152 + 2 * 2.0487153));
     /* The first symbol has a frequency of 8192 of 2^15. It moves the starts by
      * an eighth, to 7168, 14336 and 21504, which leaves 11264 for the next. */
@@ -157,9 +156,10 @@ enum { CHUNK_NETWORKS, CHUNK_COARSE, CHUNK_FINE, CHUNK_PRIM, N_CHUNKS };
 
 static int chunk_of(int component)
 {
-    return component < SAGA_COMPONENT_TREE ? CHUNK_NETWORKS
-         : component < SAGA_COMPONENT_FINE_SUFFIX ? CHUNK_COARSE
-         : component < SAGA_COMPONENT_PRIM_SUFFIX ? CHUNK_FINE : CHUNK_PRIM;
+    return component < SAGA_COMPONENT_TREE          ? CHUNK_NETWORKS
+           : component < SAGA_COMPONENT_FINE_SUFFIX ? CHUNK_COARSE
+           : component < SAGA_COMPONENT_PRIM_SUFFIX ? CHUNK_FINE
+                                                    : CHUNK_PRIM;
 }
 
 /* Adds the bits of each kind, all of which must be >= 0, to those of its chunk.
@@ -196,10 +196,10 @@ static int agrees(double bits, double nbytes)
 TEST(spent_should_be_the_bytes_of_random_streams)
 {
     for (uint64_t k = 0; k < 200; k++) {
-        const gen_options o = {
-            .seed = testing_seed(1) + k, .level = (int)(k % 4),
-            .n_coarse = k % 5 ? 0 : 100, .picture = k % 8 == 7
-        };
+        const gen_options o = { .seed = testing_seed(1) + k,
+                                .level = (int)(k % 4),
+                                .n_coarse = k % 5 ? 0 : 100,
+                                .picture = k % 8 == 7 };
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
         saga_encode_sizes z = encode(&g, 0, 1);
@@ -225,8 +225,9 @@ TEST(segments_should_add_up)
         one[i] = encode(&g, i, 1);
     for (uint32_t k = 0; k < SAGA_N_SYMS; k++) {
         const double sum = k < SAGA_SYM_NET_STEP
-            ? one[0].bits[k] + one[1].bits[k] + one[2].bits[k]
-            : one[0].bits[k];
+                               ? one[0].bits[k] + one[1].bits[k] +
+                                     one[2].bits[k]
+                               : one[0].bits[k];
 
         assert_true(is_near(all.bits[k], sum));
     }
@@ -264,8 +265,8 @@ static void draw_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
 
 /* Makes an entropy network that gives mu = 0 and one scale index for any input,
  * by its biases alone. Returns the index. */
-static uint32_t constant_entropy(saga_layer_symbols *l,
-                                 const saga_net_shape *s, int i, int sigma_q)
+static uint32_t constant_entropy(saga_layer_symbols *l, const saga_net_shape *s,
+                                 int i, int sigma_q)
 {
     const int32_t sigma = fx_min(2 << sigma_q, 32767);
     const uint32_t n_out = s->dim[i + 1];
@@ -279,7 +280,7 @@ static uint32_t constant_entropy(saga_layer_symbols *l,
     for (uint32_t k = 0; k < n_out; k++)
         l->bias[k] = i + 1 == s->n_layers && k >= n_out / 2 ? sigma : 0;
     return SAGA_SCALE_UNIT +
-        (uint32_t)fx_rshift(sigma * SAGA_SCALE_PER_OCTAVE, sigma_q);
+           (uint32_t)fx_rshift(sigma * SAGA_SCALE_PER_OCTAVE, sigma_q);
 }
 
 static void draw_residuals(int32_t *q, size_t n, uint64_t *r, uint32_t scale)
@@ -318,10 +319,10 @@ static void redraw(gen_stream *g, uint64_t *r)
 TEST(length_should_be_the_bytes_of_likely_streams)
 {
     for (uint64_t k = 0; k < 200; k++) {
-        const gen_options o = {
-            .seed = testing_seed(1) + k, .level = (int)(k % 4), .picture = 1,
-            .n_coarse = k % 5 ? 0 : 100
-        };
+        const gen_options o = { .seed = testing_seed(1) + k,
+                                .level = (int)(k % 4),
+                                .picture = 1,
+                                .n_coarse = k % 5 ? 0 : 100 };
         uint64_t r = o.seed;
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
@@ -356,6 +357,6 @@ TEST(components_should_hold_all_kinds)
     assert_true(is_near(total, (1 << SAGA_N_SYMS) - 1));
     assert_true(is_near(sum[SAGA_COMPONENT_TREE],
                         (1 << SAGA_SYM_SPLIT) + (1 << SAGA_SYM_OCCUPANCY) +
-                        (1 << SAGA_SYM_N_FINE)));
+                            (1 << SAGA_SYM_N_FINE)));
     assert_true(is_near(sum[SAGA_COMPONENT_FEATURE], 1 << SAGA_SYM_FEATURE));
 }

@@ -23,7 +23,7 @@ typedef struct {
 } request;
 
 typedef struct {
-    saga_coder coder;            /* first: its functions cast back */
+    saga_coder coder; /* first: its functions cast back */
     saga_coder *inner;
     request *request;
     size_t n, cap;
@@ -57,7 +57,7 @@ static void pass_on(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
 
 typedef struct {
     gen_stream g;
-    saga_encoder *encoder;       /* holds the networks */
+    saga_encoder *encoder; /* holds the networks */
     saga_scaffold sc;
     listener l;
 } world;
@@ -92,8 +92,7 @@ static void begin(world *w, const gen_options *o)
     assert_ok(saga_head_read(&h, bytes, n));
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
-    assert_true(recorder_fill(&w->l.coder, &w->l.inner, &w->sc, range,
-                              at));
+    assert_true(recorder_fill(&w->l.coder, &w->l.inner, &w->sc, range, at));
 }
 
 static void end(world *w)
@@ -108,9 +107,9 @@ static void end(world *w)
 
 typedef struct {
     const world *w;
-    size_t at;                   /* next request */
+    size_t at; /* next request */
     uint32_t node, leaf;
-    uint32_t n_later;            /* halvings told by the first bit of time */
+    uint32_t n_later; /* halvings told by the first bit of time */
 } page;
 
 static void expect(page *p, uint8_t sym, const saga_adaptive *model)
@@ -135,8 +134,8 @@ static uint32_t n_before(uint32_t mask, uint32_t i, int touching)
 
     for (uint32_t k = 0; k < i; k++) {
         apart = k ^ i;
-        if (mask >> k & 1u && (!touching || apart == 1 || apart == 2 ||
-                               apart == 4 || apart == 8))
+        if (mask >> k & 1u &&
+            (!touching || apart == 1 || apart == 2 || apart == 4 || apart == 8))
             n++;
     }
     return n;
@@ -179,8 +178,7 @@ static void expect_halving(page *p, const request *q)
     const uint32_t n = q->n_sym - 1, axis = 3 - q->at.bit % 4;
     const uint32_t level = bits - 1 - q->at.bit / 4;
     const saga_set_models *const m = &w->sc.models->set[prim];
-    const saga_adaptive *model = axis == 3 ? &m->time[n - 1]
-                                           : &m->space[n - 1];
+    const saga_adaptive *model = axis == 3 ? &m->time[n - 1] : &m->space[n - 1];
 
     if (n <= 3 && level > 0 && axis == 3) {
         model = &m->later[level > 3 ? 2 : level - 1]
@@ -195,7 +193,8 @@ TEST(models_should_be_those_of_the_page)
     uint32_t later = 0;
 
     for (uint32_t i = 0; i < N_STREAMS; i++) {
-        const gen_options o = { .seed = 100 + i, .level = 1,
+        const gen_options o = { .seed = 100 + i,
+                                .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
                                 .bank = (int)(i % 3) };
         FREED_BY(end) world w;

@@ -35,11 +35,19 @@ static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
         l->bias[row] = (float)real_in(r, -1, 1);
         l->q_out[row] = (uint8_t)gen_range(r, 8, 10);
     }
-    l->v = (saga_layer_values){
-        l->weight, l->bias, n_in, n_out, q_in, l->q_out, l->finer, 0,
-        (float)exp2(real_in(r, -9, -3)), (float)exp2(gen_range(r, -9, -3)),
-        int8, 0, 0
-    };
+    l->v = (saga_layer_values){ l->weight,
+                                l->bias,
+                                n_in,
+                                n_out,
+                                q_in,
+                                l->q_out,
+                                l->finer,
+                                0,
+                                (float)exp2(real_in(r, -9, -3)),
+                                (float)exp2(gen_range(r, -9, -3)),
+                                int8,
+                                0,
+                                0 };
 }
 
 /* --- Against the traversal ----------------------------------------------- */
@@ -47,8 +55,8 @@ static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
 /* Checks that the integers of a row, converted to reals, are those of
  * saga_dequantise_layer. */
 static void check_row(const saga_nets *nets, const uint8_t *block, int net,
-                      int i, uint32_t row, const layer *l,
-                      const float *weight, const float *bias)
+                      int i, uint32_t row, const layer *l, const float *weight,
+                      const float *bias)
 {
     saga_layer got;
     int e;
@@ -63,8 +71,8 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
         assert_true(fabs(ldexp(w, (k < l->v.n_finer ? l->finer[k] : 0) - e) -
                          (double)weight[row * l->v.n_in + k]) < 1e-12);
     }
-    assert_true(fabs(ldexp(got.bias[row], -e - l->v.q_in) -
-                     (double)bias[row]) < 1e-12);
+    assert_true(fabs(ldexp(got.bias[row], -e - l->v.q_in) - (double)bias[row]) <
+                1e-12);
 }
 
 static void quantise(saga_layer_symbols *s, const layer *l)
@@ -89,8 +97,8 @@ static void set_finer(layer *l, const gen_stream *g, int net, int i)
     const saga_model *const m = &g->header.model;
     const saga_layer_symbols *before = i ? &g->nets.layer[net][i - 1] : NULL;
 
-    if (i && (net == SAGA_NET_FINE || net == SAGA_NET_GEO ||
-              net == SAGA_NET_COLOUR))
+    if (i &&
+        (net == SAGA_NET_FINE || net == SAGA_NET_GEO || net == SAGA_NET_COLOUR))
         l->v.n_finer = m->width[net];
     if (i == 0 && net == SAGA_NET_COLOUR) {
         l->v.n_finer = m->width[net];
@@ -99,8 +107,7 @@ static void set_finer(layer *l, const gen_stream *g, int net, int i)
     if (i == 0 && !m->width[SAGA_NET_FUSE_F] &&
         (net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE)) {
         l->v.n_finer = m->features;
-        before = &g->nets.layer[SAGA_NET_FINE][m->width[SAGA_NET_FINE] ? 2
-                                                                       : 0];
+        before = &g->nets.layer[SAGA_NET_FINE][m->width[SAGA_NET_FINE] ? 2 : 0];
     }
     if (l->v.n_finer)
         memcpy(l->finer, before->finer, l->v.n_finer);
@@ -282,12 +289,11 @@ TEST(quantiser_should_cut_a_row_that_no_scale_makes_valid)
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         const float weight[4] = { 1, 1, row[i].weight[0], row[i].weight[1] };
         const float bias[2] = { 1, row[i].bias };
-        const saga_layer_values v = {
-            weight, bias, 2, 2, 12, q_out, NULL, 0, 1, 1, 0, SAGA_NET_GEO, 2
-        };
-        FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = {
-            .finer = NULL
-        };
+        const saga_layer_values v = { weight, bias,         2, 2, 12,
+                                      q_out,  NULL,         0, 1, 1,
+                                      0,      SAGA_NET_GEO, 2 };
+        FREED_BY(saga_layer_symbols_free)
+        saga_layer_symbols s = { .finer = NULL };
         saga_error error = { "" };
 
         assert_int_equal(saga_quantise_layer(&s, &v, &error), row[i].valid);
@@ -324,18 +330,20 @@ static void check_scales(int mode)
     l.v.step = 0x1p-8f;
     for (uint32_t row = 0; row < 32; row++)
         for (uint32_t k = 0; k < 64; k++) {
-            const uint32_t line = mode == SAGA_SCALE_ROW ? row % 8
-                                : mode == SAGA_SCALE_COLUMN ? k % 8 : 0;
+            const uint32_t line = mode == SAGA_SCALE_ROW      ? row % 8
+                                  : mode == SAGA_SCALE_COLUMN ? k % 8
+                                                              : 0;
 
-            l.weight[row * 64 + k] = (float)(20 * 0x1p-8 *
-                exp2(-0.5 * line) * real_in(&r, -1, 1));
+            l.weight[row * 64 + k] = (float)(20 * 0x1p-8 * exp2(-0.5 * line) *
+                                             real_in(&r, -1, 1));
         }
     quantise(&s, &l);
     assert_int_equal(s.scale_mode, mode);
     for (uint32_t row = 0; row < 32; row++)
         for (uint32_t k = 0; k < 64; k++) {
-            const uint32_t line = mode == SAGA_SCALE_ROW ? row % 8
-                                : mode == SAGA_SCALE_COLUMN ? k % 8 : 0;
+            const uint32_t line = mode == SAGA_SCALE_ROW      ? row % 8
+                                  : mode == SAGA_SCALE_COLUMN ? k % 8
+                                                              : 0;
             const uint32_t scale = gen_scale_of(&s, row, k);
 
             assert_true(fabs(scale - 46.7 + 3.5 * line) <= 4);

@@ -39,10 +39,10 @@ static saga_bank bank_of(uint32_t n_slots, uint32_t width)
 static void drop(saga_bank *m)
 {
     const uint32_t n = m->n_slots;
-    const void *const gap[N_GAPS] = {
-        m->slot + n * saga_mlp_pad(m->width), m->column + n * m->width,
-        m->embedding + n * m->hidden, m->score + n, m->weight + n
-    };
+    const void *const gap[N_GAPS] = { m->slot + n * saga_mlp_pad(m->width),
+                                      m->column + n * m->width,
+                                      m->embedding + n * m->hidden,
+                                      m->score + n, m->weight + n };
     uint8_t paint[GAP];
 
     memset(paint, PAINT, GAP);
@@ -174,10 +174,10 @@ TEST(slots_should_start_apart_and_of_unit_length)
 TEST(first_slots_should_be_those_worked_out_by_hand)
 {
     static const int sign[4][8] = {
-        { 1, 1, 1, 1, 1, 1, 1, 1 },          /* 0 has no bits */
-        { -1, 1, 1, 1, 1, -1, 1, 1 },        /* 1 is in 1 and 5 */
-        { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2 is in 2 and 10 */
-        { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 1, 2, 5, 10 */
+        { 1, 1, 1, 1, 1, 1, 1, 1 },    /* 0 has no bits */
+        { -1, 1, 1, 1, 1, -1, 1, 1 },  /* 1 is in 1 and 5 */
+        { 1, -1, 1, 1, 1, 1, -1, 1 },  /* 2 is in 2 and 10 */
+        { -1, -1, 1, 1, 1, -1, -1, 1 } /* 1, 2, 5, 10 */
     };
     FREED_BY(drop) saga_bank m = bank_of(32, 8);
 
@@ -246,8 +246,9 @@ TEST(read_should_stay_within_bound_of_double)
     double worst = 0;
 
     for (uint32_t i = 0; i < 200; i++) {
-        FREED_BY(drop) saga_bank m = bank_of(all_slots[i % N_SLOTS],
-                                             8u * (uint32_t)gen_int(&r, 1, 8));
+        FREED_BY(drop)
+        saga_bank m = bank_of(all_slots[i % N_SLOTS],
+                              8u * (uint32_t)gen_int(&r, 1, 8));
 
         for (uint32_t p = 0; p < m.n_slots; p++) {
             int16_t slot[MAX_D];
@@ -314,8 +315,8 @@ TEST(extreme_queries_should_read_something_in_range)
 
             for (uint32_t d = 0; d < MAX_D; d++)
                 query[d] = gen_int(&r, 0, 1) ? 32767 : -32767;
-            if (k < all_slots[i])      /* the slot's own signs: the largest
-                                        * score */
+            if (k < all_slots[i]) /* the slot's own signs: the largest
+                                   * score */
                 for (uint32_t d = 0; d < MAX_D; d++)
                     query[d] = slot_of(&m, k)[d] < 0 ? -32767 : 32767;
             check_read(&m, query);
@@ -333,8 +334,9 @@ TEST(mean_should_be_the_rounded_quotient)
 
     for (uint32_t i = 0; i < 20000; i++) {
         const uint32_t count = i < 1000 ? i + 1
-                             : i < 1010 ? SAGA_MAX_ROUND - (i - 1000)
-                             : (uint32_t)gen_int(&r, 1, SAGA_MAX_ROUND);
+                               : i < 1010
+                                   ? SAGA_MAX_ROUND - (i - 1000)
+                                   : (uint32_t)gen_int(&r, 1, SAGA_MAX_ROUND);
 
         for (uint32_t d = 0; d < MAX_D; d++)
             sum[d] = (int32_t)(gen_uniform(&r, -32767, 32767) * count);
@@ -383,8 +385,9 @@ static double update_bound(const double *s, const double *v, double gate,
 {
     const double along = fabs(dot(v, s, width)) / 4096;
     const double off = 2.01 * norm_bound(width) / 4096;
-    const double error = plain ? 0 : gate * (along * off + 0.51 +
-                                             0.5 * sqrt(width));
+    const double error = plain
+                             ? 0
+                             : gate * (along * off + 0.51 + 0.5 * sqrt(width));
 
     return 0.5001 + (error + sqrt(width) / 512) * 4096 / length;
 }
@@ -417,16 +420,17 @@ TEST(update_should_stay_within_bound_of_double)
     for (uint32_t i = 0; i < 40000; i++) {
         const uint32_t width = 8u * (uint32_t)gen_int(&r, 1, 8);
         const int32_t size = 1 << gen_int(&r, 4, 14);
-        const int32_t gate = i % 16 == 0 ? ONE : i % 16 == 1 ? 0
-                           : gen_int(&r, 0, ONE);
+        const int32_t gate = i % 16 == 0   ? ONE
+                             : i % 16 == 1 ? 0
+                                           : gen_int(&r, 0, ONE);
         const int plain = (int)(i & 1u);
         int16_t slot[MAX_D], write[MAX_D];
 
         random_slot(slot, &r, width);
         for (uint32_t d = 0; d < width; d++)
             write[d] = any16(&r, size);
-        worst[plain] = fmax(worst[plain], check_update(slot, write, gate,
-                                                       width, plain));
+        worst[plain] = fmax(worst[plain],
+                            check_update(slot, write, gate, width, plain));
     }
     print_message("update: error at most %.2f of its bound, plain %.2f\n",
                   worst[0], worst[1]);
@@ -508,8 +512,8 @@ TEST(zero_slot_should_take_the_direction_of_the_write)
         update(slot, write, ONE, MAX_D, plain);
         assert_unit(slot, MAX_D);
         for (uint32_t d = 0; d < MAX_D; d++)
-            assert_true(fabs(slot[d] - 4096 * v[d] / sqrt(dot(v, v, MAX_D)))
-                        <= 0.51);
+            assert_true(fabs(slot[d] - 4096 * v[d] / sqrt(dot(v, v, MAX_D))) <=
+                        0.51);
     }
 }
 

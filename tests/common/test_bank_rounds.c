@@ -29,8 +29,8 @@ typedef struct {
 } seen;
 
 typedef struct {
-    saga_coder coder;        /* first, so that a pointer to it can be cast
-                              * back */
+    saga_coder coder; /* first, so that a pointer to it can be cast
+                       * back */
     saga_coder *inner;
     seen *coarse, *fine, *prim;
 } spy;
@@ -39,9 +39,9 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
                      uint32_t step_q16, const uint8_t *scale, uint32_t n)
 {
     spy *const s = (spy *)(void *)c;
-    seen *const to = at.sym == SAGA_SYM_PRIM_OFFSET ? &s->prim[at.index]
-        : at.sym == SAGA_SYM_FINE_OFFSET ? &s->fine[at.index]
-        : &s->coarse[at.index];
+    seen *const to = at.sym == SAGA_SYM_PRIM_OFFSET   ? &s->prim[at.index]
+                     : at.sym == SAGA_SYM_FINE_OFFSET ? &s->fine[at.index]
+                                                      : &s->coarse[at.index];
     const uint32_t first = at.sym == SAGA_SYM_FEATURE ? 4 : 0;
 
     s->inner->residual(s->inner, at, q, mu, step_q16, scale, n);
@@ -65,7 +65,7 @@ typedef struct {
     gen_stream g;
     uint8_t *bytes, *params;
     size_t n;
-    recorder_chunks at;      /* the chunks that follow */
+    recorder_chunks at; /* the chunks that follow */
     saga_header h;
     saga_plan plan;
     saga_scaffold sc;
@@ -183,9 +183,9 @@ static void run(int16_t *out, const watched *w, int net, const int16_t *x)
             for (uint32_t k = 0; k < l.n_in; k++) {
                 const size_t at = saga_mlp_weight_at(l.n_in, l.n_out, row, k);
 
-                sum += (int64_t)a[k] *
-                       (l.int8 ? ((const int8_t *)l.weight)[at]
-                               : ((const int16_t *)l.weight)[at]);
+                sum += (int64_t)a[k] * (l.int8
+                                            ? ((const int8_t *)l.weight)[at]
+                                            : ((const int16_t *)l.weight)[at]);
             }
             b[row] = fx_sat16_64(fx_rshift64(sum, l.shift[row]));
             if (i + 1 < s->n_layers && b[row] < 0)
@@ -197,7 +197,7 @@ static void run(int16_t *out, const watched *w, int net, const int16_t *x)
 }
 
 typedef struct {
-    int32_t x[4];            /* x, y, z, t */
+    int32_t x[4]; /* x, y, z, t */
     int32_t size_q10[4];
     uint32_t count;
 } place;
@@ -210,7 +210,8 @@ static void put_side(input *in, const watched *w, const place *p, int kind)
         for (uint32_t k = 0; k < w->h.model.octaves; k++) {
             const int32_t t = p->x[3] - 32768;
             const uint32_t phase = i < 3 ? (uint32_t)(p->x[i] >> (9 - k))
-                : k ? (uint32_t)t << (k - 1) : (uint32_t)(t >> 1);
+                                   : k   ? (uint32_t)t << (k - 1)
+                                         : (uint32_t)(t >> 1);
 
             put(in, saga_sin_turn16_q15(phase), 15);
             put(in, saga_sin_turn16_q15(phase + 16384), 15);
@@ -243,8 +244,7 @@ static void begin_bank(bank *k, const watched *w)
 
     memset(k, 0, sizeof *k);
     saga_bank_size(&k->m, &w->h.model);
-    saga_bank_lay(&k->m, must(aligned_alloc(
-        16, saga_bank_lay(&k->m, NULL))));
+    saga_bank_lay(&k->m, must(aligned_alloc(16, saga_bank_lay(&k->m, NULL))));
     saga_bank_start(&k->m);
     for (uint32_t p = 0; p < k->m.n_slots; p++) {
         input in = input_of(w, SAGA_NET_SLOT);
@@ -279,8 +279,9 @@ static void expect(bank *k, const watched *w, const place *p, int kind,
         const int64_t v = 7 * (int64_t)out[n + i];
 
         assert_int_equal(used->mu[i], out[i]);
-        assert_int_equal(used->scale[i], fx_clamp64(
-            fx_rshift64(v, m->out_q[SAGA_OUT_SIGMA]) + 22, 0, 63));
+        assert_int_equal(
+            used->scale[i],
+            fx_clamp64(fx_rshift64(v, m->out_q[SAGA_OUT_SIGMA]) + 22, 0, 63));
     }
     k->n_reads++;
 }
@@ -321,8 +322,7 @@ static void write_round(bank *k, const watched *w)
             h[i] = (int16_t)(v < 0 ? 0 : v);
         }
         run(out, w, SAGA_NET_WRITE, h);
-        saga_bank_update(&k->m, p, out,
-                         saga_sigmoid_q11_q15(out[k->m.width]),
+        saga_bank_update(&k->m, p, out, saga_sigmoid_q11_q15(out[k->m.width]),
                          (w->h.model.tools & SAGA_TOOL_PLAIN_WRITE) != 0);
     }
     memset(k->sum, 0, sizeof k->sum);
@@ -334,8 +334,7 @@ static void write_round(bank *k, const watched *w)
 
 static int16_t dequantise(const seen *s, uint32_t i, uint32_t step_q16)
 {
-    return fx_sat16_64(s->mu[i] +
-                       fx_rshift64((int64_t)s->q[i] * step_q16, 16));
+    return fx_sat16_64(s->mu[i] + fx_rshift64((int64_t)s->q[i] * step_q16, 16));
 }
 
 static void cell_of(place *p, const saga_coarse *c)
@@ -355,8 +354,8 @@ static void cell_of(place *p, const saga_coarse *c)
 static void move(place *p, const int16_t o[4])
 {
     for (int i = 0; i < 4; i++) {
-        const int64_t step = fx_rshift64((int64_t)o[i] *
-                                         (1 << p->size_q10[i] / 1024), 14);
+        const int64_t step = fx_rshift64(
+            (int64_t)o[i] * (1 << p->size_q10[i] / 1024), 14);
 
         p->x[i] = fx_clamp64(p->x[i] + step, i < 3 ? -(1 << 23) : 0,
                              i < 3 ? (1 << 23) - 1 : 65535);
@@ -424,7 +423,7 @@ static void follow_tier(bank *k, const watched *w, int tier)
     for (uint32_t group = 0; group < w->h.model.tier[tier].n_groups; group++) {
         for (uint32_t rank = 0; rank < n; rank++) {
             if ((tier == 0 ? w->sc.coarse[rank].group
-                            : w->sc.fine[rank].group) != group)
+                           : w->sc.fine[rank].group) != group)
                 continue;
             if (tier == 0)
                 follow_coarse(k, w, rank);
@@ -457,8 +456,8 @@ static void follow_prims(bank *k, const watched *w)
             feature[i] = (int16_t)fx_rshift(
                 w->sc.fine_feature[(size_t)rank * m->features + i], finer[i]);
         for (uint32_t i = 0; i < n; i++)
-            expect(k, w, &p, SAGA_KIND_PRIM, feature,
-                   m->out_q[SAGA_OUT_FINE], &w->spy.prim[at + i]);
+            expect(k, w, &p, SAGA_KIND_PRIM, feature, m->out_q[SAGA_OUT_FINE],
+                   &w->spy.prim[at + i]);
         at += n;
     }
 }
@@ -467,8 +466,7 @@ static void check_bank(const bank *k, const watched *w)
 {
     const uint32_t stride = saga_mlp_pad(k->m.width);
 
-    assert_memory_equal(k->m.slot, w->sc.bank.slot,
-                        2 * k->m.n_slots * stride);
+    assert_memory_equal(k->m.slot, w->sc.bank.slot, 2 * k->m.n_slots * stride);
     assert_memory_equal(k->m.column, w->sc.bank.column,
                         2 * k->m.n_slots * k->m.width);
 }
@@ -507,6 +505,7 @@ TEST(parameters_should_be_those_of_the_page)
         free(k->m.slot);
     }
     print_message("seeds from %" PRIu64 ": %" PRIu32 " reads, %" PRIu32
-                  " rounds\n", testing_seed(1), n_reads, n_writes);
+                  " rounds\n",
+                  testing_seed(1), n_reads, n_writes);
     assert_true(n_reads > 1000 && n_writes > 300);
 }

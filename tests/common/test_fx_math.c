@@ -134,8 +134,8 @@ TEST(exp2_neg_should_be_zero_from_sixteen_on)
     assert_int_equal(saga_exp2_neg_q20_q15(16u << 20), 0);
     assert_int_equal(saga_exp2_neg_q20_q15(UINT32_MAX), 0);
     for (int i = 0; i < 100000; i++)
-        assert_int_equal(
-            saga_exp2_neg_q20_q15(random_bits(&seed) | 16u << 20), 0);
+        assert_int_equal(saga_exp2_neg_q20_q15(random_bits(&seed) | 16u << 20),
+                         0);
 }
 
 TEST(exp2_neg_should_be_exact_at_whole_numbers)
@@ -179,8 +179,8 @@ TEST(softplus2_of_x_should_exceed_that_of_minus_x_by_x)
 {
     assert_int_equal(saga_softplus2_q12_q20(0), 1 << 20);
     for (int32_t x = 0; x <= 1 << 20; x++)
-        assert_int_equal(
-            saga_softplus2_q12_q20(x) - saga_softplus2_q12_q20(-x), x * 256);
+        assert_int_equal(saga_softplus2_q12_q20(x) - saga_softplus2_q12_q20(-x),
+                         x * 256);
 }
 
 TEST(softplus2_should_clamp_its_argument)
@@ -204,8 +204,7 @@ TEST(sigmoid_should_stay_within_bound_over_all_inputs)
     for (int32_t x = INT16_MIN; x <= INT16_MAX; x++) {
         const double want = 32768 / (1 + exp(-x / 2048.0));
 
-        worst = fmax(worst,
-                     fabs(saga_sigmoid_q11_q15((int16_t)x) - want));
+        worst = fmax(worst, fabs(saga_sigmoid_q11_q15((int16_t)x) - want));
     }
     expect_within("sigmoid (LSB)", worst, SIGMOID_BOUND);
 }
@@ -228,7 +227,8 @@ TEST(sigmoid_of_x_and_of_minus_x_should_add_up_to_one)
 {
     for (int32_t x = 0; x <= INT16_MAX; x++)
         assert_int_equal(saga_sigmoid_q11_q15((int16_t)x) +
-                         saga_sigmoid_q11_q15((int16_t)-x), 32768);
+                             saga_sigmoid_q11_q15((int16_t)-x),
+                         32768);
 }
 
 /* ---- sin ------------------------------------------------------------ */

@@ -41,7 +41,8 @@ static void make_crowd(crowd *c, gen_rng *r)
     tier->softmax_q8 = (uint16_t)gen_int(r, 1, 65535);
     c->model.tools = gen_int(r, 0, 1) ? SAGA_TOOL_SLOPE : 0;
     c->model.lambda_t_q8 = (uint16_t)gen_int(r, 0, 65535);
-    c->sc = (saga_scaffold){ .model = &c->model, .coarse = c->coarse,
+    c->sc = (saga_scaffold){ .model = &c->model,
+                             .coarse = c->coarse,
                              .fine = c->fine };
     c->sc.n.coarse = c->sc.n.fine = (uint32_t)gen_int(r, 1, N);
     for (int i = 0; i < N; i++) {
@@ -66,8 +67,7 @@ static void make_crowd(crowd *c, gen_rng *r)
         c->query.support[k] = 1 << gen_int(r, 0, k < 3 ? 23 : 16);
     c->query.t = gen_int(r, 0, 65535);
     c->centre = (uint32_t)gen_int(r, 0, (int)c->sc.n.coarse - 1);
-    c->before = gen_int(r, 0, 1) ? SAGA_ALL_GROUPS
-                                 : (uint32_t)gen_int(r, 0, 8);
+    c->before = gen_int(r, 0, 1) ? SAGA_ALL_GROUPS : (uint32_t)gen_int(r, 0, 8);
 }
 
 /* Returns |a - b| / (la + lb) in Q12. */
@@ -96,8 +96,7 @@ static uint32_t distance(const crowd *c, uint32_t rank)
         sum += u * u;
     }
     u = ratio(q->t, is_coarse ? a->t : f->t, q->support[3],
-              is_coarse ? 1 << (SAGA_LOG2_HALF_T - a->depth_t)
-                        : f->support[3]);
+              is_coarse ? 1 << (SAGA_LOG2_HALF_T - a->depth_t) : f->support[3]);
     if (c->model.tools)
         sum += fx_rshift64(u * u * c->model.lambda_t_q8, 8);
     sum = fx_rshift64(sum, 12);
@@ -158,8 +157,8 @@ static void check_weights(const guarded *g)
 
     for (i = 0; i < nb->n; i++)
         sum += nb->weight_q14[i];
-    assert_true(nb->n == 0 || (sum + nb->n / 2 >= 1 << 14 &&
-                               sum <= (1 << 14) + nb->n / 2));
+    assert_true(nb->n == 0 ||
+                (sum + nb->n / 2 >= 1 << 14 && sum <= (1 << 14) + nb->n / 2));
     for (; i < SAGA_MAX_NEIGHBOURS; i++) {
         assert_int_equal(nb->weight_q14[i], UNTOUCHED);
         assert_int_equal(nb->d_q12[i], UNTOUCHED);

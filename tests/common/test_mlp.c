@@ -10,21 +10,21 @@
 
 #define CANARIES 16
 #define CANARY 0x5a5a
-#define POINTS 9             /* largest batch: two fours and a one */
+#define POINTS 9 /* largest batch: two fours and a one */
 
 /* A layer with int16 weights, and with int8 weights if they fit: by rows, and
  * in the order that the layer needs. */
 typedef struct {
     uint16_t n_in, n_out;
     int fits8;
-    int16_t *row;            /* (n_out, pad(n_in)) */
+    int16_t *row; /* (n_out, pad(n_in)) */
     int16_t *w16;
     int8_t *w8;
     int32_t *bias;
     uint8_t *shift;
-    int16_t *x;              /* (POINTS, pad(n_in)) */
-    int16_t *y;              /* (POINTS, pad(n_out)) and canaries */
-    int16_t *want[2];        /* (POINTS, n_out); [1]: with ReLU */
+    int16_t *x;       /* (POINTS, pad(n_in)) */
+    int16_t *y;       /* (POINTS, pad(n_out)) and canaries */
+    int16_t *want[2]; /* (POINTS, n_out); [1]: with ReLU */
 } net;
 
 static uint32_t random_bits(uint64_t *seed)
@@ -158,8 +158,8 @@ static void find_references(net *n)
     for (int relu = 0; relu < 2; relu++)
         for (uint32_t point = 0; point < POINTS; point++)
             for (uint32_t row = 0; row < n->n_out; row++)
-                n->want[relu][point * n->n_out + row] =
-                    reference(n, point, row, relu);
+                n->want[relu][point * n->n_out + row] = reference(n, point, row,
+                                                                  relu);
 }
 
 static void assert_untouched(const int16_t *y, uint32_t n)
@@ -295,12 +295,12 @@ static void fill_largest(net *n)
     }
 }
 
-static const uint16_t sizes_in[] = { 0, 1, 2, 15, 16, 17, 31, 32, 33, 48, 63,
-                                     64, 65, 100, 128, 511, 512 };
-static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
-                                      31, 63, 64, 65, 67, 128, 131 };
+static const uint16_t sizes_in[] = { 0,  1,  2,  15, 16,  17,  31,  32, 33,
+                                     48, 63, 64, 65, 100, 128, 511, 512 };
+static const uint16_t sizes_out[] = { 0,  1,  2,  3,  4,  5,  7,  8,   15, 16,
+                                      17, 24, 31, 63, 64, 65, 67, 128, 131 };
 
-#define COUNT(a) (sizeof (a) / sizeof (a)[0])
+#define COUNT(a) (sizeof(a) / sizeof(a)[0])
 
 /* Each weight must have a place of its own, and all places must be used. */
 TEST(weights_should_have_a_place_each)
@@ -350,7 +350,8 @@ TEST(layer_should_not_overflow_on_the_largest_valid_rows)
             for (int pattern = 0; pattern < 3; pattern++) {
                 for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n.n_in); k++)
                     n.x[k] = pattern == 0 || (pattern == 2 && k % 3 == 0)
-                                 ? 32767 : -32767;
+                                 ? 32767
+                                 : -32767;
                 fill_largest(&n);
                 check(&n);
             }

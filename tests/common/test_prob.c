@@ -31,11 +31,11 @@ enum { OP_INTERVAL, OP_ADAPTIVE, OP_RESIDUAL, OP_BITS };
 
 typedef struct {
     int kind;
-    uint32_t n_sym;          /* symbols of the model, or bits */
-    uint32_t value;          /* the symbol, or the value of OP_BITS */
+    uint32_t n_sym; /* symbols of the model, or bits */
+    uint32_t value; /* the symbol, or the value of OP_BITS */
     int32_t q;
     uint8_t scale;
-    saga_adaptive model;     /* model of OP_INTERVAL, used once */
+    saga_adaptive model; /* model of OP_INTERVAL, used once */
 } op;
 
 static const saga_at nowhere;
@@ -78,8 +78,7 @@ static int decode_op(saga_range_dec *d, const op *o, saga_adaptive *shared)
     case OP_INTERVAL:
         return c->adaptive(c, nowhere, &m, o->n_sym) == o->value;
     case OP_ADAPTIVE:
-        return c->adaptive(c, nowhere, shared + o->n_sym, o->n_sym) ==
-               o->value;
+        return c->adaptive(c, nowhere, shared + o->n_sym, o->n_sym) == o->value;
     case OP_RESIDUAL:
         c->residual(c, nowhere, &q, NULL, 1u << 16, &o->scale, 1);
         return q == o->q;
@@ -114,11 +113,12 @@ static int32_t random_q(uint64_t *r, uint32_t scale)
 {
     const int32_t max = (int32_t)saga_prob_scale(scale).max;
     const uint32_t how = pick(r, 16);
-    const int32_t m = how == 0 ? SAGA_MAX_RESIDUAL : how == 1 ? max
-                    : how == 2 ? max + 1
-                    : how == 3 ? (int32_t)pick(r, SAGA_MAX_RESIDUAL + 1)
-                    : how < 8 ? (int32_t)pick(r, (uint32_t)max + 1)
-                              : (int32_t)pick(r, 4);
+    const int32_t m = how == 0   ? SAGA_MAX_RESIDUAL
+                      : how == 1 ? max
+                      : how == 2 ? max + 1
+                      : how == 3 ? (int32_t)pick(r, SAGA_MAX_RESIDUAL + 1)
+                      : how < 8  ? (int32_t)pick(r, (uint32_t)max + 1)
+                                 : (int32_t)pick(r, 4);
 
     return pick(r, 2) ? m : -m;
 }
@@ -380,8 +380,7 @@ static void thin_op(op *o, uint32_t start)
  * number of pending bytes grows. After n operations a last interval is above
  * the point (carries) or below it. Returns the number of pending bytes that
  * turned from 255 to 0. */
-static uint32_t build_chain(op *ops, uint32_t n, int carries,
-                            uint64_t *longest)
+static uint32_t build_chain(op *ops, uint32_t n, int carries, uint64_t *longest)
 {
     static uint8_t buffer[1 << 16];
     saga_range_enc e;
@@ -547,8 +546,7 @@ static void assert_frequencies(const saga_adaptive *m, uint32_t n_sym)
         fail_msg("n_sym %" PRIu32 ": the last symbol is lost", n_sym);
 }
 
-static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym,
-                               int most)
+static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym, int most)
 {
     uint32_t best = 0, best_f = 0;
 
@@ -570,13 +568,20 @@ static uint32_t next_symbol(const saga_adaptive *m, uint32_t n_sym, uint32_t i,
                             uint32_t how, uint64_t *r)
 {
     switch (how) {
-    case 0: return 0;
-    case 1: return n_sym - 1;
-    case 2: return i & 1 ? n_sym - 1 : 0;
-    case 3: return extreme_symbol(m, n_sym, 0);
-    case 4: return extreme_symbol(m, n_sym, 1);
-    case 5: return n_sym / 2;
-    default: return pick(r, n_sym);
+    case 0:
+        return 0;
+    case 1:
+        return n_sym - 1;
+    case 2:
+        return i & 1 ? n_sym - 1 : 0;
+    case 3:
+        return extreme_symbol(m, n_sym, 0);
+    case 4:
+        return extreme_symbol(m, n_sym, 1);
+    case 5:
+        return n_sym / 2;
+    default:
+        return pick(r, n_sym);
     }
 }
 
@@ -596,8 +601,7 @@ TEST(adaptive_models_should_keep_every_symbol)
                 how = pick(&r, 8);
             if (i % 99991 == 0)
                 random_model(&m, n_sym, &r);
-            saga_adaptive_update(&m, n_sym,
-                                 next_symbol(&m, n_sym, i, how, &r));
+            saga_adaptive_update(&m, n_sym, next_symbol(&m, n_sym, i, how, &r));
             assert_frequencies(&m, n_sym);
         }
         assert_true(m.seen <= 255);

@@ -27,9 +27,8 @@ static uint64_t mod_2_32(int64_t x)
 static uint32_t entry_of_page(const saga_model *m, uint32_t level,
                               uint32_t rank, const int16_t o[4])
 {
-    static const int64_t prime[4] = {
-        2654435761, 805459861, 3674653429, 2097192037
-    };
+    static const int64_t prime[4] = { 2654435761, 805459861, 3674653429,
+                                      2097192037 };
     const uint32_t n = 1u << m->hash_log2_entries;
     uint64_t h = rank;
 
@@ -43,12 +42,11 @@ TEST(entries_should_be_those_of_the_page)
     uint64_t r = testing_seed(1);
 
     for (int i = 0; i < 100000; i++) {
-        const saga_model m = {
-            .hash_levels = SAGA_MAX_HASH_LEVELS,
-            .hash_log2_entries = (uint8_t)gen_range(&r, 1, 9)
-        };
-        const uint32_t level = (uint32_t)gen_range(
-            &r, 0, SAGA_MAX_HASH_LEVELS - 1);
+        const saga_model m = { .hash_levels = SAGA_MAX_HASH_LEVELS,
+                               .hash_log2_entries = (uint8_t)gen_range(&r, 1,
+                                                                       9) };
+        const uint32_t level = (uint32_t)gen_range(&r, 0,
+                                                   SAGA_MAX_HASH_LEVELS - 1);
         const uint32_t rank = (uint32_t)gen_range(&r, 0, (1 << 22) - 1);
         int16_t o[4];
 

@@ -104,8 +104,8 @@ TEST(scale_rows_should_fill_the_table)
                      sizeof saga_prob_start);
     for (int i = 0; i < SAGA_N_SCALES; i++)
         assert_in_range(get_row(i).max, 1, 255);
-    assert_true(sizeof saga_prob_start + sizeof saga_prob_offset
-                <= TABLE_NBYTES_MAX);
+    assert_true(sizeof saga_prob_start + sizeof saga_prob_offset <=
+                TABLE_NBYTES_MAX);
 }
 
 TEST(scale_rows_should_be_distributions)
@@ -236,13 +236,13 @@ static void check_page(const char *line, const char *end, uint32_t crc)
         fail_msg("arithmetic.md, '%s': not %s", line, digits);
 }
 
-#define CHECK_TABLE(line, end, table) \
-    do { \
-        uint32_t crc = 0; \
-        size_t k; \
+#define CHECK_TABLE(line, end, table)                         \
+    do {                                                      \
+        uint32_t crc = 0;                                     \
+        size_t k;                                             \
         for (k = 0; k < sizeof(table) / sizeof *(table); k++) \
-            crc = crc_on(crc, (uint32_t)(table)[k]); \
-        check_page(line, end, crc); \
+            crc = crc_on(crc, (uint32_t)(table)[k]);          \
+        check_page(line, end, crc);                           \
     } while (0)
 
 TEST(page_should_have_the_checksum_of_every_table)

@@ -23,8 +23,9 @@ static const double limit_x = 536870912; /* 2^29 */
 
 static int32_t any_t(gen_rng *r)
 {
-    return gen_one_in(r, 8) ? 0
-         : gen_one_in(r, 8) ? 65535 : gen_int(r, 0, 65535);
+    return gen_one_in(r, 8)   ? 0
+           : gen_one_in(r, 8) ? 65535
+                              : gen_int(r, 0, 65535);
 }
 
 /* --- Position ------------------------------------------------------------ */
@@ -34,7 +35,8 @@ static double true_age(const saga_primitive *p, const saga_prim_format *f,
                        int32_t t)
 {
     const double width = f->has_width
-        ? fmin(32768, exp2(p->log2_width_q10 / 1024.0)) : 32768;
+                             ? fmin(32768, exp2(p->log2_width_q10 / 1024.0))
+                             : 32768;
 
     return fmin(fmax((t - p->t_centre) / width, -4), 4);
 }
@@ -45,8 +47,7 @@ static double cubic(const saga_primitive *p, const saga_prim_format *f,
     double m = 0;
 
     for (int k = 0; k < f->motion_order; k++)
-        m += ldexp(p->motion[3 * k + axis], -f->q_motion[k]) *
-             pow(age, k + 1);
+        m += ldexp(p->motion[3 * k + axis], -f->q_motion[k]) * pow(age, k + 1);
     return fmin(fmax(m, -524288), 524288);
 }
 
@@ -57,8 +58,8 @@ static double age_error(const saga_primitive *p, const saga_prim_format *f,
     double d = 0;
 
     for (int k = 0; k < f->motion_order; k++)
-        d += fabs(ldexp(p->motion[3 * k + axis], -f->q_motion[k])) *
-             (k + 1) * pow(fabs(age) + 1e-4, k);
+        d += fabs(ldexp(p->motion[3 * k + axis], -f->q_motion[k])) * (k + 1) *
+             pow(fabs(age) + 1e-4, k);
     return d * 0.51 / 65536;
 }
 
@@ -71,8 +72,8 @@ static void check_position(const saga_animated *a, const saga_primitive *p,
         const double m = cubic(p, f, i, age);
         const double x = fmin(fmax(p->x[i] + p->support[i] * m, -limit_x),
                               limit_x);
-        const double bound = 0.5001 + p->support[i] *
-            (10.5 / 1048576.0 + age_error(p, f, i, age));
+        const double bound = 0.5001 + p->support[i] * (10.5 / 1048576.0 +
+                                                       age_error(p, f, i, age));
 
         assert_true(fabs(a->x[i] - x) <= bound);
         assert_true(a->x[i] >= -(1 << 29) && a->x[i] <= 1 << 29);
@@ -121,7 +122,7 @@ TEST(position_should_saturate_at_the_limit)
         for (int i = 0; i < 3; i++)
             assert_int_equal(a.x[i], sign * (1 << 29));
     }
-    p.motion[3] = p.motion[6] = 0;  /* x: 32767 age box units */
+    p.motion[3] = p.motion[6] = 0; /* x: 32767 age box units */
     p.support[0] = 1;
     saga_animate(&a, &p, &f, 32768);
     assert_int_equal(a.x[0], 2 * 32767);
@@ -129,8 +130,8 @@ TEST(position_should_saturate_at_the_limit)
     saga_animate(&a, &p, &f, 32768);
     assert_int_equal(a.x[0], 14 * 32767);
     p.log2_width_q10 = 0;
-    saga_animate(&a, &p, &(saga_prim_format){ .motion_order = 3,
-                                              .has_width = 1 }, 0);
+    saga_animate(&a, &p,
+                 &(saga_prim_format){ .motion_order = 3, .has_width = 1 }, 0);
     assert_int_equal(a.x[0], 524288);
 }
 
@@ -204,7 +205,7 @@ TEST(quaternion_should_be_linear_in_age)
         for (int k = 0; k < 4; k++)
             v[k] = ldexp(p.quat[k], 20 - f.q_quat) +
                    (f.has_slope ? ldexp(p.slope[k], 20 - f.q_slope) *
-                                  true_age(&p, &f, t)
+                                      true_age(&p, &f, t)
                                 : 0);
         check_quat(&a, v);
     }

@@ -182,9 +182,10 @@ TEST(steep_should_be_that_of_the_formula)
         const double off = (fabs(v) + fabs(w)) * 0x1p-13 + 0x1p-19;
 
         if (s < 7.9)
-            assert_true(fabs(ref_q_q20(&splat, 0, 0, SAGA_TOOL_STEEP) *
-                             0x1p-20 - (s + s * s / 2)) <=
-                        (1 + s) * off + s * 0x1p-13 + 0x1p-20 + off * off);
+            assert_true(
+                fabs(ref_q_q20(&splat, 0, 0, SAGA_TOOL_STEEP) * 0x1p-20 -
+                     (s + s * s / 2)) <=
+                (1 + s) * off + s * 0x1p-13 + 0x1p-20 + off * off);
     }
 }
 
@@ -195,7 +196,10 @@ TEST(alpha_should_be_that_of_the_norm)
     enum { PLANE = 64 };
 
     for (int32_t q = 0; q < CUT; q += 511) {
-        saga_patch p = { .q0 = q, .reach = CUT - q, .x1 = 8, .n_rows = 1,
+        saga_patch p = { .q0 = q,
+                         .reach = CUT - q,
+                         .x1 = 8,
+                         .n_rows = 1,
                          .colour_q15 = { 32768, 1, 0 } };
         uint32_t a[4 * PLANE] = { 0 }, b[4 * PLANE] = { 0 };
 

@@ -46,10 +46,11 @@ static void random_keys(saga_key *keys, uint32_t n, gen_rng *r, uint32_t mask)
 
 TEST(order_should_be_that_of_depth_and_index)
 {
-    static const uint32_t masks[] = {
-        0xffffffff, 0, 1, 0xff, 0xff00, 0xff0000, 0xff000000, 0x00ff00ff,
-        0xff00ff00, 0x80000000, 0x80000001, 0x7fffff, 0x01010101, 0x00ffff00
-    };
+    static const uint32_t masks[] = { 0xffffffff, 0,          1,
+                                      0xff,       0xff00,     0xff0000,
+                                      0xff000000, 0x00ff00ff, 0xff00ff00,
+                                      0x80000000, 0x80000001, 0x7fffff,
+                                      0x01010101, 0x00ffff00 };
     gen_rng r = gen_seeded(1);
     saga_key keys[MAX];
 
@@ -64,8 +65,9 @@ TEST(order_should_be_that_of_depth_and_index)
 
 TEST(few_keys_should_be_sorted)
 {
-    static const uint32_t depth[] = { 0, 1, 0x100, 0x7fffffff, 0x80000000,
-                                      0xfffffffe, 0xffffffff };
+    static const uint32_t depth[] = { 0,          1,          0x100,
+                                      0x7fffffff, 0x80000000, 0xfffffffe,
+                                      0xffffffff };
     saga_key keys[3] = { { 0, 0 } };
 
     check_sorted(keys, 0);

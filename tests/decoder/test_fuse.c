@@ -17,8 +17,9 @@ enum { N_STREAMS = 12, N_PIXELS = 160 * 120 };
  * channels have the same format, because Fuse takes one. */
 static void make_plain(gen_stream *g, uint64_t seed)
 {
-    const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
-                            .picture = 1, .no_fuse = 3 };
+    const gen_options o = {
+        .seed = seed, .level = 3, .n_coarse = 12, .picture = 1, .no_fuse = 3
+    };
 
     *g = gen_stream_make(&o);
     g->header.model.out_q[SAGA_OUT_COARSE] = 10;
@@ -53,8 +54,8 @@ static void add_identity(gen_stream *g, int tier)
     saga_net_shape s;
 
     m->q_in[net] = (uint8_t)saga_feature_q(m, tier);
-    m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C
-                                         : SAGA_OUT_FUSE_F] = m->q_in[net];
+    m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C : SAGA_OUT_FUSE_F] =
+        m->q_in[net];
     m->width[net] = (uint8_t)(2 * f);
     saga_model_net(&s, m, net);
     make_layer(&l[0], &s, 0);
@@ -90,8 +91,7 @@ static played play(gen_stream *g)
 
 static void assert_same_stages(const saga_stages *a, const saga_stages *b)
 {
-    assert_memory_equal(a->final_range, b->final_range,
-                        sizeof a->final_range);
+    assert_memory_equal(a->final_range, b->final_range, sizeof a->final_range);
     assert_int_equal(a->primitives, b->primitives);
     assert_int_equal(a->splats, b->splats);
     assert_int_equal(a->frame, b->frame);
@@ -141,7 +141,7 @@ TEST(absence_should_spare_all_work)
                          coarse + fine);
         assert_int_equal(with.info.decode_macs - none.info.decode_macs,
                          coarse * g.segment[0].n.fine +
-                         fine * g.segment[0].n.prim);
+                             fine * g.segment[0].n.prim);
         assert_true(none.info.work_nbytes < with.info.work_nbytes);
         assert_true(none.nbytes < with.nbytes);
     }

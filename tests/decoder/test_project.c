@@ -35,8 +35,8 @@ typedef struct {
     saga_animated a;
     saga_splat s;
     ref_splat ref;
-    int is_visible, is_kept;  /* whether the decoder and the reference draw
-                               * it */
+    int is_visible, is_kept; /* whether the decoder and the reference draw
+                              * it */
 } trial;
 
 static int64_t dot(const int32_t *row, const int32_t *x, const int32_t *c)
@@ -121,8 +121,8 @@ static void factor_bound(double bound[3], const trial *t)
 }
 
 typedef struct {
-    double factor, ordinary, mean, q;  /* worst: relative to the bound, in LSB
-                                        * where the bound is < 2.5, LSB, q */
+    double factor, ordinary, mean, q; /* worst: relative to the bound, in LSB
+                                       * where the bound is < 2.5, LSB, q */
     long n, n_ordinary, n_q;
 } errors;
 
@@ -153,8 +153,7 @@ static void check_mean(errors *e, const trial *t)
 {
     for (int i = 0; i < 2; i++) {
         const double p = t->cam.principal_q16[i] / 65536.0;
-        const double x = 1.125 * fabs(t->ref.mean[i] - p) +
-                         1.25 * focal(t, i);
+        const double x = 1.125 * fabs(t->ref.mean[i] - p) + 1.25 * focal(t, i);
         const double err = fabs(t->s.mean_q8[i] - 256 * t->ref.mean[i]);
 
         note(&e->mean, err);
@@ -198,8 +197,8 @@ static void check_q(errors *e, const trial *t, gen_rng *r)
         q = true_q(t, pixel[0], pixel[1]);
         if (q > 8)
             continue;
-        note(&e->q, fabs(ref_q_q20(&t->s, pixel[0], pixel[1], 0) / 1048576.0 -
-                         q));
+        note(&e->q,
+             fabs(ref_q_q20(&t->s, pixel[0], pixel[1], 0) / 1048576.0 - q));
         e->n_q++;
     }
 }
@@ -208,8 +207,9 @@ static void print_errors(const errors *e)
 {
     print_message("%ld factors within %.2f of their bound, %ld ordinary ones "
                   "within %.2f LSB; mean within %.3f LSB; q within %.1e at "
-                  "%ld pixels\n", e->n, e->factor, e->n_ordinary, e->ordinary,
-                  e->mean, e->q, e->n_q);
+                  "%ld pixels\n",
+                  e->n, e->factor, e->n_ordinary, e->ordinary, e->mean, e->q,
+                  e->n_q);
 }
 
 TEST(factor_and_q_should_be_those_of_double)
@@ -395,11 +395,11 @@ TEST(near_plane_should_be_exact)
 
 TEST(angles_should_be_cut_at_eight)
 {
-    static const struct { int32_t x, visible; } cases[] = {
-        { 8 << 12, 0 }, { (8 << 12) - 1, 1 }, { -(8 << 12), 0 },
-        { 1 - (8 << 12), 1 }, { (8 << 12) + 1, 0 }, { 0, 1 },
-        { 1 << 29, 0 }, { -(1 << 29), 0 }
-    };
+    static const struct {
+        int32_t x, visible;
+    } cases[] = { { 8 << 12, 0 },       { (8 << 12) - 1, 1 }, { -(8 << 12), 0 },
+                  { 1 - (8 << 12), 1 }, { (8 << 12) + 1, 0 }, { 0, 1 },
+                  { 1 << 29, 0 },       { -(1 << 29), 0 } };
     trial t;
 
     for (int axis = 0; axis < 2; axis++)
@@ -598,18 +598,23 @@ TEST(camera_should_be_refused_beyond_its_limits)
 
 TEST(rows_of_the_rotation_should_be_bounded)
 {
-    static const struct { int32_t r[3]; int is_valid; } cases[] = {
-        { { 0, 0, 0 }, 1 },
-        { { 1859828213, 0, 0 }, 1 }, { { 0, -1859828213, 0 }, 1 },
-        { { 1859828214, 0, 0 }, 0 }, { { 0, 0, -1859828214 }, 0 },
-        { { 619942737, -619942738, 619942738 }, 1 },
-        { { 619942738, -619942738, -619942738 }, 0 },
-        { { 1859828213, -1, 0 }, 0 }, { { 1859828212, 0, -1 }, 1 },
-        { { INT32_MIN, 0, 0 }, 0 }, { { 0, INT32_MAX, 0 }, 0 },
-        { { INT32_MIN, INT32_MIN, INT32_MIN }, 0 },
-        { { INT32_MAX, INT32_MAX, INT32_MAX }, 0 },
-        { { INT32_MIN, INT32_MAX, 1 }, 0 }
-    };
+    static const struct {
+        int32_t r[3];
+        int is_valid;
+    } cases[] = { { { 0, 0, 0 }, 1 },
+                  { { 1859828213, 0, 0 }, 1 },
+                  { { 0, -1859828213, 0 }, 1 },
+                  { { 1859828214, 0, 0 }, 0 },
+                  { { 0, 0, -1859828214 }, 0 },
+                  { { 619942737, -619942738, 619942738 }, 1 },
+                  { { 619942738, -619942738, -619942738 }, 0 },
+                  { { 1859828213, -1, 0 }, 0 },
+                  { { 1859828212, 0, -1 }, 1 },
+                  { { INT32_MIN, 0, 0 }, 0 },
+                  { { 0, INT32_MAX, 0 }, 0 },
+                  { { INT32_MIN, INT32_MIN, INT32_MIN }, 0 },
+                  { { INT32_MAX, INT32_MAX, INT32_MAX }, 0 },
+                  { { INT32_MIN, INT32_MAX, 1 }, 0 } };
     saga_camera c;
 
     for (int row = 0; row < 3; row++)
@@ -667,8 +672,9 @@ static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
     for (int i = 0; i < 3; i++) {
         const int64_t x = (int64_t)c->centre[i] + extreme(r, -reach, reach);
 
-        a->x[i] = x < -(1 << 29) ? -(1 << 29) : x > 1 << 29 ? 1 << 29
-                                                            : (int32_t)x;
+        a->x[i] = x < -(1 << 29) ? -(1 << 29)
+                  : x > 1 << 29  ? 1 << 29
+                                 : (int32_t)x;
         a->log2_scale_q10[i] = extreme(r, -32768, 32767);
     }
     for (int i = 0; i < 4; i++)
@@ -696,10 +702,8 @@ TEST(results_should_be_bounded_for_every_valid_input)
         assert_true(abs(t.s.chol_q28[1]) <= top);
         assert_true(t.s.chol_q28[2] >= 0 && t.s.chol_q28[2] <= top);
         assert_true(t.s.depth >= (uint32_t)t.cam.near_plane);
-        assert_true(0 <= t.s.x0 && t.s.x0 < t.s.x1 &&
-                    t.s.x1 <= t.cam.width);
-        assert_true(0 <= t.s.y0 && t.s.y0 < t.s.y1 &&
-                    t.s.y1 <= t.cam.height);
+        assert_true(0 <= t.s.x0 && t.s.x0 < t.s.x1 && t.s.x1 <= t.cam.width);
+        assert_true(0 <= t.s.y0 && t.s.y0 < t.s.y1 && t.s.y1 <= t.cam.height);
         n++;
     }
     print_message("%d visible\n", n);

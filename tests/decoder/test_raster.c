@@ -77,8 +77,8 @@ TEST(splat_should_touch_the_pixels_below_the_cut)
         free(p.block);
     }
     print_message("%ld pixels visible: %ld lost, %ld invented, %ld not as the "
-                  "norm has it; %ld within %g of the cut\n", t.visible, t.lost,
-                  t.invented, t.wrong, t.near, eps);
+                  "norm has it; %ld within %g of the cut\n",
+                  t.visible, t.lost, t.invented, t.wrong, t.near, eps);
     free_scene(&s);
     assert_true(t.visible > 300000);
     assert_int_equal(t.lost, 0);
@@ -109,9 +109,8 @@ static void any_splat(saga_splat *p, gen_rng *r)
 
 TEST(rows_should_equal_the_direct_formula)
 {
-    static const setting with[] = {
-        { 8, 40, 0, UINT32_MAX }, { 64, 40, 0, UINT32_MAX }
-    };
+    static const setting with[] = { { 8, 40, 0, UINT32_MAX },
+                                    { 64, 40, 0, UINT32_MAX } };
     gen_rng r = gen_seeded(32);
     picture want;
     FREED_BY(free_scene) scene s;
@@ -150,9 +149,9 @@ TEST(scenes_should_be_those_of_the_norm)
 
 TEST(nothing_should_show_the_background)
 {
-    static const uint16_t colours[][3] = {
-        { 0, 1, 32768 }, { 16384, 32767, 64 }, { 32768, 32768, 32768 }
-    };
+    static const uint16_t colours[][3] = { { 0, 1, 32768 },
+                                           { 16384, 32767, 64 },
+                                           { 32768, 32768, 32768 } };
     picture p;
     FREED_BY(free_scene) scene s;
 
@@ -165,9 +164,9 @@ TEST(nothing_should_show_the_background)
             new_picture(&p, 9, 11, bits, 0);
             draw(&p, &s, &plain);
             for (int k = 0; k < 9 * 11 * 3; k++)
-                assert_int_equal(value_at(&p, k / 3 % 9, k / 27, k % 3),
-                                 floor(colours[i][k % 3] / 32768.0 * max +
-                                       0.5));
+                assert_int_equal(
+                    value_at(&p, k / 3 % 9, k / 27, k % 3),
+                    floor(colours[i][k % 3] / 32768.0 * max + 0.5));
             free(p.block);
         }
 }
@@ -307,10 +306,10 @@ TEST(stop_should_be_that_of_the_pixel)
  * not change the picture. */
 TEST(finished_tiles_should_not_change)
 {
-    static const setting with[] = {
-        { 8, 1, 0, UINT32_MAX }, { 8, 37, 0, 100 }, { 16, 4000, 0, 7 },
-        { 64, 4000, 1 << 17, UINT32_MAX }
-    };
+    static const setting with[] = { { 8, 1, 0, UINT32_MAX },
+                                    { 8, 37, 0, 100 },
+                                    { 16, 4000, 0, 7 },
+                                    { 64, 4000, 1 << 17, UINT32_MAX } };
     gen_rng r = gen_seeded(35);
     picture want;
     FREED_BY(free_scene) scene s;
@@ -383,8 +382,7 @@ static void expect_close(const scene *s, const double *rgb, int bits)
     draw(&p, s, &plain);
     psnr = ref_psnr(&p.pic, &s->cam, rgb, &steps);
     steps *= bits == 16 ? 255.0 / 65535 : 1;
-    print_message("%d bits: %.2f dB, at most %.2f of 255\n", bits, psnr,
-                  steps);
+    print_message("%d bits: %.2f dB, at most %.2f of 255\n", bits, psnr, steps);
     assert_true(psnr >= 57);
     assert_true(steps <= 2);
     free(p.block);

@@ -23,8 +23,7 @@ TEST(picture_should_not_depend_on_the_job)
         for (int c = 0; c < 3; c++)
             for (int m = 0; m < 5; m++)
                 for (int b = 0; b < 7; b++) {
-                    const setting with = { t, capacity[c], more[m],
-                                           budget[b] };
+                    const setting with = { t, capacity[c], more[m], budget[b] };
 
                     expect_with(&s, &with, &want);
                 }
@@ -49,8 +48,8 @@ static void draw_grid(const picture *p, const scene *s, const setting *with,
 
 TEST(picture_should_not_depend_on_the_division)
 {
-    static const int grids[][2] = { { 1, 4 }, { 4, 1 }, { 1, 61 }, { 83, 1 },
-                                    { 3, 5 }, { 83, 61 } };
+    static const int grids[][2] = { { 1, 4 },  { 4, 1 }, { 1, 61 },
+                                    { 83, 1 }, { 3, 5 }, { 83, 61 } };
     gen_rng r = gen_seeded(37);
     picture want, got;
     FREED_BY(free_scene) scene s;
@@ -97,10 +96,9 @@ static void expect_part(const picture *got, const picture *want,
                         const saga_job *job)
 {
     for (int y = job->y0; y < job->y1; y++)
-        assert_memory_equal(sample_at(got, job->x0, y),
-                            sample_at(want, job->x0, y),
-                            (size_t)(job->x1 - job->x0) *
-                                pixel_of(got->pic.bits));
+        assert_memory_equal(
+            sample_at(got, job->x0, y), sample_at(want, job->x0, y),
+            (size_t)(job->x1 - job->x0) * pixel_of(got->pic.bits));
 }
 
 /* Draws with scratch of exactly the size that is passed, so that the sanitizers
@@ -298,8 +296,8 @@ TEST(rectangle_should_lie_in_the_picture)
 
 TEST(other_fields_should_be_checked)
 {
-    static const int32_t tiles[] = { 0, -8, 1, 4, 7, 9, 24, 128, 1 << 30,
-                                     INT32_MIN };
+    static const int32_t tiles[] = { 0, -8, 1,   4,       7,
+                                     9, 24, 128, 1 << 30, INT32_MIN };
     FREED_BY(close_checked) checked c;
 
     open_checked(&c, 8);

@@ -56,9 +56,8 @@ static void edge_primitive(saga_primitive *p, gen_rng *r)
 
 static int same_splat(const saga_splat *a, const saga_splat *b)
 {
-    return !memcmp(a, b, offsetof(saga_splat, colour_q15)) &&
-           a->x0 == b->x0 && a->x1 == b->x1 && a->y0 == b->y0 &&
-           a->y1 == b->y1;
+    return !memcmp(a, b, offsetof(saga_splat, colour_q15)) && a->x0 == b->x0 &&
+           a->x1 == b->x1 && a->y0 == b->y0 && a->y1 == b->y1;
 }
 
 /* Compares the two paths; returns the number of splats. */

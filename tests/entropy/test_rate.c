@@ -47,9 +47,9 @@ static void foretell_by_place(rate_scene *f)
 
     for (size_t i = 0; i < f->s.n.coarse; i++)
         for (size_t k = 0; k < n; k++)
-            f->s.coarse_feature[i * n + k] = (real)(
-                4 * sin(1.5707963267948966 *
-                        (double)f->r.context.kind[0].phase[4 * i]));
+            f->s.coarse_feature[i * n + k] =
+                (real)(4 * sin(1.5707963267948966 *
+                               (double)f->r.context.kind[0].phase[4 * i]));
     begin_as_constants(f);
 }
 
@@ -65,8 +65,7 @@ static void foretell(rate_scene *f)
     clear_net(hyper);
     pass_through(hyper, 0, 0, 1);
     /* Clear everything except the biases of the last layer. */
-    memset(net->w[0], 0, (size_t)(net->b[2] - net->w[0]) *
-           sizeof *net->w[0]);
+    memset(net->w[0], 0, (size_t)(net->b[2] - net->w[0]) * sizeof *net->w[0]);
     for (size_t k = 0; k < n; k++) {
         pass_through(net, 0, 4 + k,
                      4 / saga_rate_mu_unit(&f->s.model, SAGA_KIND_COARSE, 4));
@@ -143,8 +142,9 @@ TEST(decide_should_keep_what_foretells)
     decide(&f);
     g = &f.r.decision.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, %.0f with networks, chosen "
-           "%.0f; weights %.0f and %.0f\n", g->constants, g->networks,
-           g->chosen, g->weights, f.r.decision.hyper_weights);
+           "%.0f; weights %.0f and %.0f\n",
+           g->constants, g->networks, g->chosen, g->weights,
+           f.r.decision.hyper_weights);
     assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_HYPER);
     assert_int_equal(f.r.context.keep[SAGA_KIND_FINE], 0);
     assert_int_equal(f.r.context.keep[SAGA_KIND_PRIM], 0);
@@ -162,8 +162,8 @@ static void learn(rate_scene *f, int n)
     const size_t n_params = (size_t)(f->s.net[SAGA_NET_FUSE_C].w[0] -
                                      f->s.params);
     FREED real *const m = calloc(2 * n_params, sizeof *m);
-    saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
-                           m + n_params, n_params, 0.005f };
+    saga_adam_tensor t = { "networks",   f->s.params, f->d.params, m,
+                           m + n_params, n_params,    0.005f };
     double bits[SAGA_N_STEPS];
 
     assert_non_null(m);
@@ -194,8 +194,9 @@ TEST(decide_should_keep_a_bank_that_learned)
     decide(&f);
     g = &f.r.decision.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
-           "%.0f, net %.0f\n", g->constants, g->chosen, g->weights,
-           f.r.decision.bank_weights, f.r.decision.bank_net);
+           "%.0f, net %.0f\n",
+           g->constants, g->chosen, g->weights, f.r.decision.bank_weights,
+           f.r.decision.bank_net);
     assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_BANK);
     assert_true(f.r.decision.bank_weights > 0);
     assert_true(g->chosen + g->weights + f.r.decision.bank_weights <
@@ -273,8 +274,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 
         assert_done(saga_rate_choice_init(&c, &f.r, &x, &error));
         memcpy(feature, f.s.coarse_feature, n * sizeof *feature);
-        saga_rate_choice_code(&c, &f.r, &x, SAGA_KIND_COARSE,
-                                               SAGA_KIND_PRIM);
+        saga_rate_choice_code(&c, &f.r, &x, SAGA_KIND_COARSE, SAGA_KIND_PRIM);
     }
     assert_true(saga_model_is_valid(&c.scene.model));
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
@@ -285,13 +285,13 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 
 TEST(choice_should_code_as_the_rate_does)
 {
-    static const uint8_t without[SAGA_N_KINDS] = {
-        SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, SAGA_SOURCE_PARENT
-    };
-    static const uint8_t with[SAGA_N_KINDS] = {
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK, SAGA_SOURCE_GROUPS,
-        SAGA_SOURCE_BANK
-    };
+    static const uint8_t without[SAGA_N_KINDS] = { SAGA_SOURCE_HYPER,
+                                                   SAGA_SOURCE_GROUPS,
+                                                   SAGA_SOURCE_PARENT };
+    static const uint8_t with[SAGA_N_KINDS] = { SAGA_SOURCE_HYPER |
+                                                    SAGA_SOURCE_BANK,
+                                                SAGA_SOURCE_GROUPS,
+                                                SAGA_SOURCE_BANK };
 
     should_code_alike(0, without);
     should_code_alike(SAGA_TOOL_BANK, without);
@@ -314,9 +314,8 @@ TEST(features_should_be_rounded_as_they_are_coded)
     f.r.decision.given = 1;
     n = f.s.model.features;
     for (size_t i = 0; i < n; i++)
-        f.r.constants.mean[SAGA_KIND_COARSE][4 + i] =
-            (real)ldexp(7 + 0.4 * (i % 2 ? 1 : -1),
-                        -f.s.model.out_q[SAGA_OUT_COARSE]);
+        f.r.constants.mean[SAGA_KIND_COARSE][4 + i] = (real)ldexp(
+            7 + 0.4 * (i % 2 ? 1 : -1), -f.s.model.out_q[SAGA_OUT_COARSE]);
     n *= f.s.n.coarse;
     coded = malloc(n * sizeof *coded);
     rounded = malloc(n * sizeof *rounded);
@@ -325,9 +324,9 @@ TEST(features_should_be_rounded_as_they_are_coded)
         const double step = f.s.model.step_q16[SAGA_STEP_FEATURE] / 65536.0;
         const double off = (double)(i % 9) - 3.5;
 
-        coded[i] = f.s.coarse_feature[i] =
-            (real)ldexp(7 + off * step + (i % 5 > 1 ? 0.2 : -0.2),
-                        -f.s.model.out_q[SAGA_OUT_COARSE]);
+        coded[i] = f.s.coarse_feature[i] = (real)ldexp(
+            7 + off * step + (i % 5 > 1 ? 0.2 : -0.2),
+            -f.s.model.out_q[SAGA_OUT_COARSE]);
     }
     {
         const saga_rate_input x = { &f.s, &f.w, coded };
@@ -361,8 +360,8 @@ TEST(rows_should_cost_what_their_values_do)
     size_t n = 0;
 
     for (s = SAGA_RATE_LOG2_MIN; s <= SAGA_RATE_LOG2_MAX; s += 0.031)
-        for (v = -40000; v < 40000; v += fabs(v) < 8 ? 0.0371
-                                       : 1.73 + fabs(v) / 20) {
+        for (v = -40000; v < 40000;
+             v += fabs(v) < 8 ? 0.0371 : 1.73 + fabs(v) / 20) {
             r.v[n] = (real)v;
             r.log2_sigma[n] = (real)s;
             if (++n < 13)
@@ -374,8 +373,8 @@ TEST(rows_should_cost_what_their_values_do)
 
                 bits = fmax(bits, fabs((double)r.bits[i] - c.bits));
                 slope = fmax(slope, off(r.d_v[i], c.d_v, 0.01));
-                slope = fmax(slope, off(r.d_log2_sigma[i], c.d_log2_sigma,
-                                        0.1));
+                slope = fmax(slope,
+                             off(r.d_log2_sigma[i], c.d_log2_sigma, 0.1));
             }
             n = 0;
         }

@@ -55,9 +55,11 @@ TEST(bits_should_have_their_derivatives)
         for (s = SAGA_RATE_LOG2_MIN + 0.01; s < SAGA_RATE_LOG2_MAX; s += 0.57) {
             const saga_rate_cost c = saga_rate_bits(v, s);
             const double dv = (saga_rate_bits(v + h, s).bits -
-                               saga_rate_bits(v - h, s).bits) / (2 * h);
+                               saga_rate_bits(v - h, s).bits) /
+                              (2 * h);
             const double ds = (saga_rate_bits(v, s + h).bits -
-                               saga_rate_bits(v, s - h).bits) / (2 * h);
+                               saga_rate_bits(v, s - h).bits) /
+                              (2 * h);
 
             assert_true(isfinite(c.bits) && c.bits >= -1e-5);
             assert_true(fabs(c.d_v - dv) < 1e-6 * (1 + fabs(dv)) + 1e-7);
@@ -161,8 +163,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     check_range(&f, "primitive positions", f.s.prim_x, f.d.prim_x,
                 4 * (size_t)f.s.n.prim);
     check_supports(&f, d_support);
-    check_range(&f, "coarse features", f.s.coarse_feature,
-                f.d.coarse_feature,
+    check_range(&f, "coarse features", f.s.coarse_feature, f.d.coarse_feature,
                 f.s.n.coarse * (size_t)f.s.model.features);
     check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
     check_range(&f, "networks", f.s.params, f.d.params, n_params);
@@ -175,8 +176,8 @@ static void check_gradients(uint8_t keep, uint32_t tools)
 
 TEST(rate_gradients_should_match_differences)
 {
-    check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
-                    SAGA_SOURCE_GROUPS, 0);
+    check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS,
+                    0);
     check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, 0);
 }
 
@@ -185,8 +186,7 @@ TEST(rate_gradients_should_match_differences)
 TEST(memory_gradients_should_match_differences)
 {
     check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_BANK);
-    check_gradients(SAGA_SOURCE_BANK,
-                    SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
+    check_gradients(SAGA_SOURCE_BANK, SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
 /* The bits of the four quarters of the blocks must add up to those of all. */

@@ -57,10 +57,10 @@ static void begin(fixture *f)
     f->net[SAGA_NET_E_PRIM].n_layers = 1;
     f->net[SAGA_NET_E_PRIM].dim[1] = 7;
     saga_net_bind(&f->net[FIRST], f->x);
-    saga_net_bind(&f->net[SECOND], f->x +
-                  saga_net_n_params(&f->net[FIRST]));
+    saga_net_bind(&f->net[SECOND], f->x + saga_net_n_params(&f->net[FIRST]));
     assert_int_equal(saga_net_n_params(&f->net[FIRST]) +
-                     saga_net_n_params(&f->net[SECOND]), N_PARAMS);
+                         saga_net_n_params(&f->net[SECOND]),
+                     N_PARAMS);
     for (size_t i = 0; i < N_PARAMS; i++) {
         f->x[i] = saga_rng_normal(r, i);
         f->c[i] = saga_rng_normal(r, 1000 + i);
@@ -234,9 +234,9 @@ typedef struct {
 
 static double sigma_of(int mode, size_t i)
 {
-    return mode == SAGA_SCALE_ROW ? 5 * exp2(-0.01 * (double)(i / COLS))
-         : mode == SAGA_SCALE_COLUMN ? 5 * exp2(-0.05 * (double)(i % COLS))
-         : 2.5;
+    return mode == SAGA_SCALE_ROW      ? 5 * exp2(-0.01 * (double)(i / COLS))
+           : mode == SAGA_SCALE_COLUMN ? 5 * exp2(-0.05 * (double)(i % COLS))
+                                       : 2.5;
 }
 
 static void begin_layer(layer *l, int mode)
@@ -255,8 +255,8 @@ static void begin_layer(layer *l, int mode)
     saga_weights_list(&l->w, net, int8, l->x);
     l->w.log2_step[0] = -4;
     for (size_t i = 0; i < ROWS * COLS; i++)
-        l->x[i] = l->y[i] = floor(sigma_of(mode, i) * saga_rng_normal(r, i) +
-                                  0.5) / 16;
+        l->x[i] = l->y[i] =
+            floor(sigma_of(mode, i) * saga_rng_normal(r, i) + 0.5) / 16;
     saga_weights_rate(dx, &l->w, l->y, l->x, 0);
     assert_int_equal(l->w.mode[0], mode);
 }
@@ -294,8 +294,7 @@ TEST(rate_should_be_that_of_scales_by_line)
         begin_layer(&l, mode);
         for (size_t i = 0; i < ROWS * COLS; i++)
             y[i] = (real)l.y[i];
-        assert_true(saga_quantise_bits(&bits, y, ROWS, COLS, 1.0 / 16,
-                                       &error));
+        assert_true(saga_quantise_bits(&bits, y, ROWS, COLS, 1.0 / 16, &error));
         bits -= side;
         print_message("  %.0f bits, integers %.0f\n", l.w.bits[0], bits);
         assert_true(l.w.bits[0] < bits && bits < 1.012 * l.w.bits[0]);
@@ -391,8 +390,7 @@ TEST(rounding_should_hide_errors_where_no_input_goes)
     assert_true(ours < plain / 20);
     make_inputs(x, 12);
     round_both(&plain, &ours, x);
-    print_message("  12 of 12 dimensions: %.2g instead of %.2g\n", ours,
-                  plain);
+    print_message("  12 of 12 dimensions: %.2g instead of %.2g\n", ours, plain);
     assert_true(ours < plain);
 }
 

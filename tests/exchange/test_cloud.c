@@ -65,11 +65,11 @@ static void covariance(double c[9], const double q[4], const double s[3])
 {
     const double n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     const double w = q[0], x = q[1], y = q[2], z = q[3];
-    const double r[9] = {
-        w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
-    };
+    const double r[9] = { w * w + x * x - y * y - z * z, 2 * (x * y - w * z),
+                          2 * (x * z + w * y),           2 * (x * y + w * z),
+                          w * w - x * x + y * y - z * z, 2 * (y * z - w * x),
+                          2 * (x * z - w * y),           2 * (y * z + w * x),
+                          w * w - x * x - y * y + z * z };
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -133,8 +133,8 @@ static void check_cloud(const char *name)
     int32_t t;
 
     assert_true(saga_read_file(&bytes, name, &error));
-    assert_true(saga_film_open(&film, name, bytes.data, bytes.nbytes, 1,
-                               &error));
+    assert_true(
+        saga_film_open(&film, name, bytes.data, bytes.nbytes, 1, &error));
     assert_true(saga_film_cloud(&cloud, &colours, &film, 7, how, &error));
     assert_int_equal(cloud.degree, 0);
     assert_true(saga_film_seek(&film, 7, 1, &t, &error));
@@ -152,9 +152,9 @@ static void check_cloud(const char *name)
         assert_true(saga_film_rig(&film, 1, &c, &number, &error));
         assert_ok(saga_colour_at(colour, film.dec, i, c.centre));
         for (size_t k = 0; k < 3; k++)
-            assert_near(
-                0.5 + 0.28209479177387814 * (double)cloud.colour[3 * n + k],
-                colour[k] / 32768.0, 1e-6);
+            assert_near(0.5 + 0.28209479177387814 *
+                                  (double)cloud.colour[3 * n + k],
+                        colour[k] / 32768.0, 1e-6);
         n++;
     }
     assert_int_equal(n, cloud.n);

@@ -66,7 +66,7 @@ static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
  * smaller components of a quaternion. */
 typedef struct {
     double mean, log_scale, opacity, rotation;
-    double colour[4];        /* harmonics of each degree */
+    double colour[4]; /* harmonics of each degree */
 } bounds;
 
 static double opacity_of(const saga_cloud *c, size_t i)
@@ -80,11 +80,11 @@ static void shape(double c[9], const float wxyz[4])
 {
     const double w = (double)wxyz[0], x = (double)wxyz[1];
     const double y = (double)wxyz[2], z = (double)wxyz[3];
-    const double r[9] = {
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    };
+    const double r[9] = { 1 - 2 * (y * y + z * z), 2 * (x * y - w * z),
+                          2 * (x * z + w * y),     2 * (x * y + w * z),
+                          1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                          2 * (x * z - w * y),     2 * (y * z + w * x),
+                          1 - 2 * (x * x + y * y) };
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -165,35 +165,56 @@ static void check_cloud(const saga_cloud *a, const saga_cloud *b,
  * written with 16 fraction bits for means within 1, where other programs use 12
  * (cloud_spz.c). Its harmonics are rounded to 1/128 and then to 8/128, above
  * degree 1 to 16/128. */
-#define FLOATS { 1e-6, 1e-5, 1e-6, 1e-6, { 1e-6, 1e-6, 1e-6, 1e-6 } }
-#define SPZ(bits) { 0.50001 / (1 << bits), 0.50001 / 16, 0.50001 / 255, \
-    0.50001 * 0.70711 / 511, \
-    { 0.50001 / 255 / 0.15, 4.50001 / 128, 8.50001 / 128, 8.50001 / 128 } }
+#define FLOATS                     \
+    {                              \
+        1e-6, 1e-5, 1e-6, 1e-6,    \
+        {                          \
+            1e-6, 1e-6, 1e-6, 1e-6 \
+        }                          \
+    }
+#define SPZ(bits)                                                             \
+    {                                                                         \
+        0.50001 / (1 << bits), 0.50001 / 16, 0.50001 / 255,                   \
+            0.50001 * 0.70711 / 511,                                          \
+        {                                                                     \
+            0.50001 / 255 / 0.15, 4.50001 / 128, 8.50001 / 128, 8.50001 / 128 \
+        }                                                                     \
+    }
 
 /* Positions have 1023 steps of a chunk's extent on the second axis and 2047 on
  * the others. Extents are at most those of the cloud: 2 for positions, 4 for
  * logarithms of scales, 2 for coefficients of colours, which have 255 steps. */
-#define PACKED { 1.00001 / 1023, 2.00001 / 1023, 0.50001 / 255, \
-    0.50001 * 1.41422 / 1023, \
-    { 1.00001 / 255, 4.00001 / 256, 4.00001 / 256, 4.00001 / 256 } }
+#define PACKED                                                         \
+    {                                                                  \
+        1.00001 / 1023, 2.00001 / 1023, 0.50001 / 255,                 \
+            0.50001 * 1.41422 / 1023,                                  \
+        {                                                              \
+            1.00001 / 255, 4.00001 / 256, 4.00001 / 256, 4.00001 / 256 \
+        }                                                              \
+    }
 
 /* SOG stores log(1 + |x|) in 65535 steps over 2 log 2, so that a mean of x is
  * wrong by 1 + |x| times half a step; its lists have 255 steps of the same
  * extents. splat-transform rounds down, so that its errors are a whole step,
  * and its lists are clusters, with errors of up to 0.02 here. */
-#define SOG(part, scale, colour) { (part) * 4.00001 * 0.693148 / 65535, scale, \
-    (part) * 1.00001 / 255, (part) * 1.41422 / 255, \
-    { colour, colour, colour, colour } }
+#define SOG(part, scale, colour)                                          \
+    {                                                                     \
+        (part) * 4.00001 * 0.693148 / 65535, scale, (part)*1.00001 / 255, \
+            (part)*1.41422 / 255,                                         \
+        {                                                                 \
+            colour, colour, colour, colour                                \
+        }                                                                 \
+    }
 
 static const struct {
     const char *suffix;
     bounds most;
-} written[] = {
-    { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS },
-    { ".compressed.ply", PACKED },
-    { ".sog", SOG(0.5, 2.00001 / 255, 1.00001 / 255) },
-    { ".v4.spz", SPZ(16) }
-};
+} written[] = { { ".ply", FLOATS },
+                { ".spz", SPZ(16) },
+                { ".glb", FLOATS },
+                { ".compressed.ply", PACKED },
+                { ".sog", SOG(0.5, 2.00001 / 255, 1.00001 / 255) },
+                { ".v4.spz", SPZ(16) } };
 
 TEST(splats_should_come_back_within_half_a_step)
 {
@@ -217,12 +238,11 @@ static const struct {
     size_t n;
     int degree;
     bounds most;
-} theirs[] = {
-    { "version3.spz", 40, 3, SPZ(12) }, { "version4.spz", 40, 3, SPZ(12) },
-    { "splats.glb", 40, 3, FLOATS },
-    { "splats.compressed.ply", 300, 1, PACKED },
-    { "splats.sog", 40, 0, SOG(1, 0.02, 0.02) }
-};
+} theirs[] = { { "version3.spz", 40, 3, SPZ(12) },
+               { "version4.spz", 40, 3, SPZ(12) },
+               { "splats.glb", 40, 3, FLOATS },
+               { "splats.compressed.ply", 300, 1, PACKED },
+               { "splats.sog", 40, 0, SOG(1, 0.02, 0.02) } };
 
 TEST(files_of_another_program_should_be_read)
 {
@@ -256,7 +276,8 @@ static void store_as(saga_cloud *c, unsigned how)
     }
     for (size_t i = 0; i < c->n; i++)
         c->logit[i] = how & OPACITIES ? (float)opacity_of(c, i)
-                    : how & ALIKE ? 0.9f : c->logit[i];
+                      : how & ALIKE   ? 0.9f
+                                      : c->logit[i];
 }
 
 /* Checks that a file has these facts of the two numbers given, and no other. */
@@ -270,7 +291,7 @@ TEST(numbers_should_be_read_as_their_writer_meant_them)
 {
     enum { NONE = -1 };
     static const struct {
-        unsigned how;        /* as stored, and as it is read */
+        unsigned how; /* as stored, and as it is read */
         unsigned is;
         int a, b;
     } cases[] = {
@@ -335,12 +356,13 @@ TEST(splats_that_are_none_should_be_left_out_and_counted)
     unlink(path);
     assert_int_equal(b.n, 35);
     assert_true(saga_cloud_facts_line(line, &from, &b.facts));
-    assert_string_equal(line, "leaves out 5 of 40 splats: 3 with numbers that "
+    assert_string_equal(line,
+                        "leaves out 5 of 40 splats: 3 with numbers that "
                         "are not finite or above a million, 1 that are rows "
                         "of zeros, 1 with opacities below 1/256");
     assert_true(saga_cloud_facts_line(line, &from, &b.facts));
     assert_string_equal(line, "rotations of length 0 are read as none (1 "
-                        "splat)");
+                              "splat)");
     assert_false(saga_cloud_facts_line(line, &from, &b.facts));
 }
 
@@ -371,8 +393,8 @@ TEST(limits_should_be_those_that_the_writers_clamp_at)
 {
     for (size_t f = 0; f < sizeof written / sizeof written[0]; f++)
         for (int beyond = 0; beyond < 4; beyond++) {
-            const saga_cloud_format *const format =
-                saga_cloud_format_of(written[f].suffix);
+            const saga_cloud_format *const format = saga_cloud_format_of(
+                written[f].suffix);
             FREED_BY(saga_cloud_free) saga_cloud a;
             FREED_BY(saga_cloud_free) saga_cloud b;
             double most = 0;
@@ -411,7 +433,8 @@ static uint8_t *gzipped(const uint8_t *bytes, size_t *n)
 {
     static uint8_t packed[1 << 16];
     z_stream z = { .next_in = (uint8_t *)(uintptr_t)bytes,
-                   .avail_in = (uInt)*n, .next_out = packed,
+                   .avail_in = (uInt)*n,
+                   .next_out = packed,
                    .avail_out = sizeof packed };
 
     assert_int_equal(deflateInit2(&z, 1, Z_DEFLATED, 15 + 16, 8, 0), Z_OK);
@@ -426,7 +449,8 @@ static uint8_t *gunzipped(const uint8_t *bytes, size_t *n)
 {
     static uint8_t raw[1 << 16];
     z_stream z = { .next_in = (uint8_t *)(uintptr_t)bytes,
-                   .avail_in = (uInt)*n, .next_out = raw,
+                   .avail_in = (uInt)*n,
+                   .next_out = raw,
                    .avail_out = sizeof raw };
 
     assert_int_equal(inflateInit2(&z, 15 + 16), Z_OK);
@@ -459,15 +483,15 @@ static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
     saga_put_le(&at, (uint32_t)-256, 3);
     saga_put_le(&at, 512, 3);
     saga_put_le(&at, 128, 3);
-    saga_put_le(&at, 128, 1);                    /* opacity 128/255 */
-    saga_put_le(&at, 0xffffff, 3);               /* colour 1/2 above grey */
-    saga_put_le(&at, 0xa0a0a0, 3);               /* scale e^0 */
+    saga_put_le(&at, 128, 1);      /* opacity 128/255 */
+    saga_put_le(&at, 0xffffff, 3); /* colour 1/2 above grey */
+    saga_put_le(&at, 0xa0a0a0, 3); /* scale e^0 */
     /* 255 means 1 and 127 means -1/255; w is what is missing to a length of 1,
      * here 0. */
     saga_put_le(&at, version == 2 ? 0x7f7fff : 0, version == 2 ? 3 : 4);
     if (axes) {
-        saga_put_le(&at, 0x12345678, 4);         /* a long extension of
-                                                  * another program */
+        saga_put_le(&at, 0x12345678, 4); /* a long extension of
+                                          * another program */
         saga_put_le(&at, 5001, 4);
         memset(at, 0, 5001);
         at += 5001;
@@ -502,7 +526,8 @@ TEST(spz_should_say_its_axes)
     static const struct {
         uint32_t axes;
         double mean[3];
-    } known[] = { { 4, { -1, -2, -0.5 } }, { 6, { -1, 2, 0.5 } },
+    } known[] = { { 4, { -1, -2, -0.5 } },
+                  { 6, { -1, 2, 0.5 } },
                   { 7, { 1, -2, 0.5 } } };
     uint8_t raw[MOST_RAW];
     saga_cloud c;
@@ -529,7 +554,10 @@ TEST(spz_should_not_be_believed)
          * an unknown version, or a number of splats for which no memory is even
          * requested. */
         const size_t n = one_splat(raw, k == 1 ? 5 : 3,
-                                   k == 0 ? 2 : k == 1 ? 1 : UINT32_MAX, 0);
+                                   k == 0   ? 2
+                                   : k == 1 ? 1
+                                            : UINT32_MAX,
+                                   0);
 
         assert_false(read_gzipped(&c, raw, n));
     }
@@ -623,8 +651,11 @@ static size_t hurt(uint8_t *bytes, size_t n, uint64_t *r)
     if (next(r) % 8 == 0)
         return next(r) % n;
     for (uint64_t k = next(r) % 4 + 1; k-- > 0;)
-        bytes[next(r) % (next(r) % 2 ? n : n < 64 ? n : 64)] =
-            next(r) % 4 ? (uint8_t)next(r) : next(r) % 2 ? 255 : 0;
+        bytes[next(r) % (next(r) % 2 ? n
+                         : n < 64    ? n
+                                     : 64)] = next(r) % 4   ? (uint8_t)next(r)
+                                           : next(r) % 2 ? 255
+                                                         : 0;
     return n;
 }
 
@@ -680,8 +711,8 @@ TEST(damage_should_be_survived)
 
 /* The files of a SOG. */
 static const char *const members[] = {
-    "meta.json", "means_l.webp", "means_u.webp", "scales.webp", "quats.webp",
-    "sh0.webp", "shN_centroids.webp", "shN_labels.webp"
+    "meta.json",  "means_l.webp", "means_u.webp",       "scales.webp",
+    "quats.webp", "sh0.webp",     "shN_centroids.webp", "shN_labels.webp"
 };
 enum { N_MEMBERS = sizeof members / sizeof members[0] };
 
@@ -706,8 +737,7 @@ static void unzip(saga_bytes part[N_MEMBERS], saga_cloud *cloud)
     unlink(path);
     assert_true(saga_zip_open(&zip, &file, path));
     for (int i = 0; i < N_MEMBERS; i++) {
-        assert_done(saga_zip_read(&part[i], &zip, members[i], 1 << 20,
-                                   &error));
+        assert_done(saga_zip_read(&part[i], &zip, members[i], 1 << 20, &error));
         write_member(members[i], part[i].data, part[i].nbytes);
     }
     saga_bytes_free(&file);
@@ -737,8 +767,7 @@ TEST(sog_in_a_folder_should_be_read)
         bool ok;
 
         memcpy(copy, of->data, of->nbytes);
-        write_member(members[i % N_MEMBERS], copy,
-                     hurt(copy, of->nbytes, &r));
+        write_member(members[i % N_MEMBERS], copy, hurt(copy, of->nbytes, &r));
         ok = saga_cloud_read(&b, path, 0, &why);
         assert_int_equal(ok, !saga_failed(&why));
         saga_cloud_free(&b);
@@ -823,8 +852,8 @@ TEST(members_should_be_no_larger_than_wanted)
     saga_bytes file, member;
     saga_zip zip;
 
-    assert_done(saga_read_file(&file, "tests/exchange/theirs/splats.sog",
-                               &error));
+    assert_done(
+        saga_read_file(&file, "tests/exchange/theirs/splats.sog", &error));
     assert_true(saga_zip_open(&zip, &file, "splats.sog"));
     assert_done(saga_zip_read(&member, &zip, "meta.json", 1 << 16, &error));
     saga_bytes_free(&member);

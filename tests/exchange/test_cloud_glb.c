@@ -153,9 +153,10 @@ TEST(packed_splats_should_be_read_as_the_file_alone)
     char text[512];
     saga_error why;
 
-    assert_done(saga_read_file(&spz, "tests/exchange/theirs/version3.spz",
-                               &error));
-    (void)snprintf(text, sizeof text, "{\"meshes\":[{\"primitives\":[{"
+    assert_done(
+        saga_read_file(&spz, "tests/exchange/theirs/version3.spz", &error));
+    (void)snprintf(text, sizeof text,
+                   "{\"meshes\":[{\"primitives\":[{"
                    "\"extensions\":{\"KHR_gaussian_splatting\":{"
                    "\"extensions\":{\"KHR_gaussian_splatting_compression_spz_2"
                    "\":{\"bufferView\":0}}}}}]}],\"buffers\":[{\"byteLength\":"
@@ -163,8 +164,8 @@ TEST(packed_splats_should_be_read_as_the_file_alone)
                    spz.nbytes, spz.nbytes);
     if (!read_glb(&a, text, spz.data, spz.nbytes, &why))
         fail_msg("%s", why.message);
-    assert_done(saga_cloud_read(&b, "tests/exchange/theirs/version3.spz", 0,
-                                &error));
+    assert_done(
+        saga_cloud_read(&b, "tests/exchange/theirs/version3.spz", 0, &error));
     assert_int_equal(a.n, b.n);
     assert_memory_equal(a.mean, b.mean, a.n * 3 * sizeof(float));
     assert_memory_equal(a.colour, b.colour, a.n * 48 * sizeof(float));

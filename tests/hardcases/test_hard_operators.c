@@ -28,10 +28,11 @@ static void make_crowd(crowd *c, gen_rng *r, int neighbours, int softmax_q8)
 {
     memset(c, 0, sizeof *c);
     c->model.features = N_FEATURES;
-    c->model.tier[SAGA_TIER_COARSE] = (saga_tier){
-        .window = SAGA_MAX_WINDOW, .neighbours = (uint8_t)neighbours,
-        .radius2_q12 = 65535, .softmax_q8 = (uint16_t)softmax_q8
-    };
+    c->model.tier[SAGA_TIER_COARSE] =
+        (saga_tier){ .window = SAGA_MAX_WINDOW,
+                     .neighbours = (uint8_t)neighbours,
+                     .radius2_q12 = 65535,
+                     .softmax_q8 = (uint16_t)softmax_q8 };
     c->sc.model = &c->model;
     c->sc.n.coarse = N_ANCHORS;
     c->sc.coarse = c->anchor;
@@ -102,7 +103,7 @@ TEST(steepest_logits_should_give_the_nearest)
 
         make_crowd(&c, &r, 16, 65535);
         for (int i = 0; i < N_ANCHORS;
-             i++)  /* a quarter of both supports, more */
+             i++) /* a quarter of both supports, more */
             c.anchor[i].x[i % 3] = (i & 1 ? 1 : -1) *
                                    ((1 << 22) + (1 << 15) * (i + 1));
         memset(c.anchor[nearest].x, 0, sizeof c.anchor[nearest].x);
@@ -261,7 +262,7 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
  * orthogonal to the slot with an open gate must turn it by 45 degrees. */
 TEST(slots_should_be_written_when_parallel_or_opposite)
 {
-    enum { BOTH = 724 };         /* 2 * 512 / sqrt(2) */
+    enum { BOTH = 724 }; /* 2 * 512 / sqrt(2) */
     int16_t slot[D], write[D];
     FREED void *block;
     saga_bank m = new_bank(&block);
@@ -277,9 +278,8 @@ TEST(slots_should_be_written_when_parallel_or_opposite)
                 set_slot(write, 6, sign);
                 saga_bank_update(&m, 3, write, 32768, plain);
                 for (uint32_t d = 0; d < D; d++)
-                    assert_int_equal(m.slot[3 * D + d],
-                                     slot[d] == write[d]
-                                         ? (slot[d] > 0 ? BOTH : -BOTH)
-                                         : 0);
+                    assert_int_equal(
+                        m.slot[3 * D + d],
+                        slot[d] == write[d] ? (slot[d] > 0 ? BOTH : -BOTH) : 0);
             }
 }

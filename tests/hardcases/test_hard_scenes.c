@@ -14,7 +14,8 @@
  * centre of pixel (SIDE / 2, SIDE / 2). */
 enum { SIDE = 65, MIDDLE = SIDE / 2, DEPTH = 1 << 20, MID = 32768 };
 enum {
-    STILL = 0, FADES = SAGA_TOOL_OPACITY_T,
+    STILL = 0,
+    FADES = SAGA_TOOL_OPACITY_T,
     MOVES = 3 << SAGA_TOOL_MOTION_SHIFT
 };
 
@@ -59,8 +60,9 @@ static void see(given_view *v, const saga_camera *c, int32_t t)
     given_draw(v, c, t);
     p = given_verify(v, SAGA_VERIFY_SYMBOLS);
     print_message("  %.1f dB, at most %d; %.1f dB, at most %d without %d "
-                  "pixels that are cut or stopped otherwise\n", p.psnr, p.max,
-                  p.psnr_same, p.max_same, (int)(p.n_cut + p.n_stop));
+                  "pixels that are cut or stopped otherwise\n",
+                  p.psnr, p.max, p.psnr_same, p.max_same,
+                  (int)(p.n_cut + p.n_stop));
     assert_true(p.psnr >= 62);
     assert_true(p.max <= 1);
 }
@@ -75,8 +77,8 @@ static void see_one(given_view *v, const gen_given *g, uint32_t tools,
 /* Checks that a pixel has the grey value `part`, from 0 to 1. */
 static void expect(const given_view *v, int x, int y, double part)
 {
-    const double alpha =
-        part * 8 / (1 + exp2(3 - ldexp(GIVEN_FULL, -GIVEN_Q_OPACITY)));
+    const double alpha = part * 8 /
+                         (1 + exp2(3 - ldexp(GIVEN_FULL, -GIVEN_Q_OPACITY)));
     const double want = 255 * (alpha < 1.0 / 256 ? 0 : fmin(alpha, cap));
 
     for (int i = 0; i < 3; i++)
@@ -109,10 +111,10 @@ static void expect_same(const given_view *a, const given_view *b)
  * (512, 0, 0, 512). */
 TEST(zero_quaternion_should_be_the_identity)
 {
-    static const int same[][4] = {
-        { 0, 0, 0, 0 }, { 1, 0, 0, 0 }, { -1, 0, 0, 0 }, { 0, 1, 0, 0 },
-        { 0, 0, 1, 0 }, { 0, 0, 0, 1 }, { 0, 0, 0, -2047 }
-    };
+    static const int same[][4] = { { 0, 0, 0, 0 },    { 1, 0, 0, 0 },
+                                   { -1, 0, 0, 0 },   { 0, 1, 0, 0 },
+                                   { 0, 0, 1, 0 },    { 0, 0, 0, 1 },
+                                   { 0, 0, 0, -2047 } };
     const saga_camera c = front(SIDE, SIDE);
     gen_given g = ball(0);
     given_view v, w;
@@ -270,10 +272,11 @@ TEST(near_plane_should_decide_by_a_unit)
  * picture, even at a depth of one box unit. */
 TEST(camera_inside_should_see_what_is_before_it)
 {
-    static const struct { int32_t depth; int seen; } cases[] = {
-        { 1 << 18, 1 }, { 1 << 14, 1 }, { 1, 1 }, { 0, 0 }, { -1, 0 },
-        { -(1 << 18), 0 }
-    };
+    static const struct {
+        int32_t depth;
+        int seen;
+    } cases[] = { { 1 << 18, 1 }, { 1 << 14, 1 }, { 1, 1 },
+                  { 0, 0 },       { -1, 0 },      { -(1 << 18), 0 } };
     saga_camera c = front(SIDE, SIDE);
 
     c.near_plane = 1;
@@ -380,7 +383,7 @@ TEST(camera_at_the_place_should_add_no_direction)
 
     g.p.t_centre = 32768;
     g.p.support[2] = 1 << 21;
-    g.p.motion[2] = 1 << GIVEN_Q_MOTION;  /* moves by 2^21 until the end */
+    g.p.motion[2] = 1 << GIVEN_Q_MOTION; /* moves by 2^21 until the end */
     g.colour_q15[0] = 8192;
     g.colour_q15[1] = 16384;
     g.colour_q15[2] = 0;
@@ -406,8 +409,7 @@ TEST(opacity_should_be_nothing_cut_or_cap)
     given_view v;
 
     for (int i = 0; i < 3; i++) {
-        g.p.opacity = (int16_t)(nothing[i] * (1 << GIVEN_Q_OPACITY) +
-                                16 * !i);
+        g.p.opacity = (int16_t)(nothing[i] * (1 << GIVEN_Q_OPACITY) + 16 * !i);
         see_one(&v, &g, STILL, &c, MID);
         expect_nothing(&v);
         given_close(&v);
@@ -419,7 +421,7 @@ TEST(opacity_should_be_nothing_cut_or_cap)
         for (int x = 0; x < SIDE; x++) {
             const int dx = x - MIDDLE, dy = y - MIDDLE;
             const double q = q0 + (dx * dx + dy * dy) / 2 / log(2) /
-                             (sigma * sigma + 0.1);
+                                      (sigma * sigma + 0.1);
 
             assert_int_equal(given_sample(&v, x, y, 0), q < 11);
         }
@@ -462,7 +464,7 @@ TEST(coincident_splats_should_be_drawn_by_number)
         assert_int_equal(s.depth, DEPTH);
         assert_int_equal(s.colour_q15[0], v.p[i / 256].colour_q15[0]);
     }
-    for (uint32_t i = 0; i < 5; i++)     /* the fifth ends after 135 splats */
+    for (uint32_t i = 0; i < 5; i++) /* the fifth ends after 135 splats */
         for (int k = 0; k < 3; k++)
             want[k] += (pow(all, i) - (i < 4 ? pow(all, i + 1) : exp2(-13))) *
                        v.p[i].colour_q15[k] / 32768;
@@ -578,7 +580,7 @@ TEST(one_of_everything_should_be_enough)
     assert_ok(saga_probe(&info, v.bytes, v.nbytes));
     assert_int_equal(info.n_frames, 1);
     assert_ok(saga_find(&seg, v.bytes, v.nbytes, 999, 1000));
-    assert_int_equal(seg.t, 65470);  /* floor(65536 * 0.999) */
+    assert_int_equal(seg.t, 65470); /* floor(65536 * 0.999) */
     assert_int_equal(saga_find(&seg, v.bytes, v.nbytes, 1, 1), SAGA_ERR_ARG);
     assert_ok(saga_rig(&rig, &number, v.bytes, v.nbytes, 0));
     assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 1),

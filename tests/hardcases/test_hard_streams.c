@@ -15,9 +15,12 @@ enum { N_STREAMS = 32, SIDE = 33 };
 /* Makes a stream with any tools, banks and networks. */
 static void make_stream(gen_stream *g, uint32_t i)
 {
-    const gen_options o = { .seed = 700 + i, .level = 1 + (i % 8 == 7),
-                            .tools = i % 32, .tools_fixed = 1,
-                            .bank = (int)(i % 3), .linear = i % 5 == 0 };
+    const gen_options o = { .seed = 700 + i,
+                            .level = 1 + (i % 8 == 7),
+                            .tools = i % 32,
+                            .tools_fixed = 1,
+                            .bank = (int)(i % 3),
+                            .linear = i % 5 == 0 };
 
     *g = gen_stream_make(&o);
     g->n_frames[0] = 1;
@@ -88,7 +91,7 @@ static void set_symbols(gen_stream *g, uint32_t n_children, int32_t q)
 typedef struct {
     ref_file file;
     saga_primitive *prim;
-    int16_t *colour;         /* (prim, SAGA_MAX_WIDTH) */
+    int16_t *colour; /* (prim, SAGA_MAX_WIDTH) */
 } decoded;
 
 static void decode(decoded *d, const given_view *v)
@@ -137,8 +140,8 @@ static double see(given_view *v, int32_t t, int stage)
     p = given_verify(v, stage);
     if (p.psnr_same < INFINITY)
         print_message("  %.1f dB, at most %d; %.1f dB, at most %d without %d "
-                      "pixels that are cut or stopped otherwise\n", p.psnr,
-                      p.max, p.psnr_same, p.max_same,
+                      "pixels that are cut or stopped otherwise\n",
+                      p.psnr, p.max, p.psnr_same, p.max_same,
                       (int)(p.n_cut + p.n_stop));
     assert_true(p.max_same <= 2);
     return p.psnr_same;
@@ -193,9 +196,9 @@ TEST(zero_symbols_should_be_one_grey_ball)
         }
         assert_int_equal(d.prim[0].quat[0], 1 << m->out_q[SAGA_OUT_QUAT]);
         assert_int_equal(d.prim[0].opacity, 0);
-        assert_int_equal(d.prim[0].t_centre,
-                         clamp(clamp(32768 + 2 * o[0], 0, 65535) + 2 * o[1],
-                               0, 65535));
+        assert_int_equal(
+            d.prim[0].t_centre,
+            clamp(clamp(32768 + 2 * o[0], 0, 65535) + 2 * o[1], 0, 65535));
         assert_int_equal(d.prim[0].log2_width_q10,
                          m->tools & SAGA_TOOL_OPACITY_T ? 15 << 10 : 0);
         assert_true(see(&v, d.prim[0].t_centre, SAGA_VERIFY_SYMBOLS) >= 62);
@@ -261,8 +264,8 @@ TEST(limits_should_end_in_a_corner)
                              q > 0 ? 32767 : -32767);
         for (uint32_t p = 0; p < 256; p++) {
             for (int k = 0; k < 3; k++)
-                assert_int_equal(d.prim[p].x[k], q > 0 ? SAGA_X_MAX
-                                                       : SAGA_X_MIN);
+                assert_int_equal(d.prim[p].x[k],
+                                 q > 0 ? SAGA_X_MAX : SAGA_X_MIN);
         }
         assert_true(see(&v, 0, SAGA_VERIFY_SYMBOLS) >= 60);
         assert_true(see(&v, 65535, SAGA_VERIFY_SYMBOLS) >= 52);
@@ -340,8 +343,7 @@ TEST(saturated_networks_should_give_their_signs)
                     log2_of(row, m->out_q[SAGA_OUT_SCALE],
                             23 - d.file.sc.coarse[fine->parent].depth_x));
                 row = rows[SAGA_OUT_SUPPORT].first + (uint32_t)k;
-                assert_true(fine->local[k] == 0 ||
-                            fine->local[k] == 23 << 10 ||
+                assert_true(fine->local[k] == 0 || fine->local[k] == 23 << 10 ||
                             m->out_q[SAGA_OUT_SUPPORT] > 10);
             }
             for (int k = 0; k < 4; k++) {
@@ -349,7 +351,7 @@ TEST(saturated_networks_should_give_their_signs)
                 assert_int_equal(
                     prim->quat[k],
                     clamp((row & 1 ? -32767 : 32767) +
-                          (k ? 0 : 1 << m->out_q[SAGA_OUT_QUAT]),
+                              (k ? 0 : 1 << m->out_q[SAGA_OUT_QUAT]),
                           -32767, 32767));
             }
             row = rows[SAGA_OUT_MOTION1].first;

@@ -148,8 +148,8 @@ TEST(one_colour_should_come_out)
  * denormal) must not harm the training. */
 TEST(depths_should_be_doubted)
 {
-    static const float wrong[] = { NAN, INFINITY, -INFINITY, 0, -3, 1e-42f,
-                                   1e38f };
+    static const float wrong[] = { NAN, INFINITY, -INFINITY, 0,
+                                   -3,  1e-42f,   1e38f };
     saga_capture c = changed();
     trained r;
 
@@ -197,7 +197,7 @@ TEST(identical_cameras_should_do)
         trained r;
 
         for (int v = 0; v < VIEWS; v++) {
-            saga_shot *const s = c.views + v;
+            saga_source_view *const s = c.views + v;
 
             memcpy(s->rotation, room.views[0].rotation, sizeof s->rotation);
             memcpy(s->translation, room.views[0].translation,
@@ -295,16 +295,15 @@ TEST(room_should_be_found_far_from_the_origin)
     for (int v = 0; v < VIEWS; v++)
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++)
-                c.views[v].translation[i] -=
-                    c.views[v].rotation[3 * i + k] * 1e6;
+                c.views[v].translation[i] -= c.views[v].rotation[3 * i + k] *
+                                             1e6;
     for (size_t i = 0; i < c.n_points; i++)
         for (int a = 0; a < 3; a++)
             c.points[i].position[a] += 1e6;
     r = survive(&c, 10);
     print_message("  unit times %.4f\n", unit_of(&r) / unit_of(&here));
     assert_true(fabs(unit_of(&r) / unit_of(&here) - 1) < 0.05);
-    assert_true(fabs(r.report.coded.training - here.report.coded.training) <
-                1);
+    assert_true(fabs(r.report.coded.training - here.report.coded.training) < 1);
     free(here.bytes);
     free(r.bytes);
 }

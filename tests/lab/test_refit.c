@@ -29,8 +29,8 @@ typedef struct {
     uint8_t *bytes;
     size_t n;
     ref_file f;
-    saga_naming names[N_CAMERAS];   /* names of the cameras, which ref_file
-                                     * leaves out */
+    saga_naming names[N_CAMERAS]; /* names of the cameras, which ref_file
+                                   * leaves out */
 } fixture;
 
 /* --- Fixture: a file of 500 primitives ----------------------------------- */
@@ -195,7 +195,7 @@ TEST_OF(const fixture, refit_should_give_the_same_scene)
  * the same mu and scale. For features, mu must be the mean of the channel, and
  * the scale must not exceed its deviation. */
 typedef struct {
-    const ref_file *f;           /* before */
+    const ref_file *f; /* before */
     int16_t mu[SAGA_N_SYMS][SAGA_MAX_FEATURES];
     uint8_t scale[SAGA_N_SYMS][SAGA_MAX_FEATURES];
     bool seen[SAGA_N_SYMS];
@@ -256,7 +256,7 @@ TEST_OF(const fixture, refit_without_anything_should_have_constants)
     o.iterations = 3;
     o.ablation = none;
     assert_null(refit_make(&bytes, &n, &r, &f->f, &o));
-    assert_true(recorder_tell(one_for_all, &c, bytes, n));
+    assert_true(recorder_compare(one_for_all, &c, bytes, n));
     features_should_have_constants(&c);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         assert_int_equal(r.sources[kind], 0);
@@ -280,7 +280,8 @@ TEST_OF(const fixture, refit_should_find_a_source_that_tells)
     assert_non_null(told);
     for (size_t i = 0; i < n; i++)
         told[i] = (int16_t)((in.sc.coarse[i / features].x[0] < 0 ? -12 : 12) *
-                            step + fmod(kept[i], step));
+                                step +
+                            fmod(kept[i], step));
     in.value[SAGA_STEP_FEATURE] = told;
     refit(&g, &r, &in, &all);
     values_should_be_within_half_a_step(&in, &g);
@@ -317,10 +318,11 @@ static void refit_should_take(gen_stream *g)
 TEST(refit_should_take_any_stream)
 {
     for (uint64_t seed = 1; seed <= 12; seed++) {
-        const gen_options o = {
-            .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
-            .bank = (int)(seed % 3)
-        };
+        const gen_options o = { .seed = seed,
+                                .level = 3,
+                                .n_coarse = 20,
+                                .n_segments = 1,
+                                .bank = (int)(seed % 3) };
         FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
         refit_should_take(&g);
@@ -333,8 +335,7 @@ TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
 {
     for (int bank = 0; bank < 3; bank++) {
         const gen_options o = {
-            .seed = 8, .level = 3, .n_coarse = 20, .n_segments = 1,
-            .bank = bank
+            .seed = 8, .level = 3, .n_coarse = 20, .n_segments = 1, .bank = bank
         };
         FREED_BY(gen_stream_free) gen_stream g;
         saga_symbols *const s = &g.segment[0];

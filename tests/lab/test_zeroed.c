@@ -16,10 +16,10 @@ enum { N_STREAMS = 60 };
 
 static void make_stream(gen_stream *g, uint64_t i)
 {
-    const gen_options o = {
-        .seed = testing_seed(1) + i, .level = 2,
-        .n_segments = 1 + (uint32_t)(i % GEN_MAX_SEGMENTS)
-    };
+    const gen_options o = { .seed = testing_seed(1) + i,
+                            .level = 2,
+                            .n_segments = 1 +
+                                          (uint32_t)(i % GEN_MAX_SEGMENTS) };
 
     *g = gen_stream_make(&o);
 }
@@ -52,8 +52,8 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     recorder r;
 
     assert_ok(saga_find(&seg, bytes, n, frame, 1));
-    assert_true(recorder_read(&net_symbols, &d->s, seg.number, final_range,
-                              bytes, n));
+    assert_true(
+        recorder_read(&net_symbols, &d->s, seg.number, final_range, bytes, n));
     saga_net_symbols_free(&net_symbols);
     recorder_free_symbols(&d->s);
     recorder_init(&r, NULL);
@@ -65,8 +65,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     assert_ok(saga_head_read(&h, bytes, n));
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
-    assert_true(recorder_fill(&r.coder, &r.inner, &d->sc, final_range,
-                              at));
+    assert_true(recorder_fill(&r.coder, &r.inner, &d->sc, final_range, at));
 }
 
 static void free_decoded(decoded *d)

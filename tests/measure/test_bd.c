@@ -67,8 +67,8 @@ TEST(bd_rate_should_be_that_of_the_laboratory)
 {
     static const double q[] = { 28.0, 30.5, 33.0, 36.4 };
     const saga_bd_curve a = curve(5, bytes, psnr);
-    const saga_bd_curve b = curve(4, (const double[]){ 18e3, 36e3, 90e3,
-                                                       250e3 }, q);
+    const saga_bd_curve b = curve(
+        4, (const double[]){ 18e3, 36e3, 90e3, 250e3 }, q);
 
     assert_near(saga_bd_rate(&a, &b).pchip, -23.335992583781117, 1e-9);
 }

@@ -12,15 +12,14 @@
  * red that changes around 100; the third a green that differs from 50 by at
  * most 8, and once by 9; the fourth differs by 8 in all channels. */
 static const uint8_t film[5][12] = {
-    { 10, 20, 30,   0, 7, 7,  5, 50, 5,  90, 90, 90 },
-    { 10, 20, 30,   0, 7, 7,  5, 50, 5,  98, 82, 98 },
-    { 10, 20, 30, 100, 7, 7,  5, 58, 5,  90, 90, 90 },
-    { 10, 20, 30, 200, 7, 7,  5, 42, 5,  82, 98, 90 },
-    { 10, 20, 30, 255, 7, 7,  5, 59, 5,  90, 90, 82 }
+    { 10, 20, 30, 0, 7, 7, 5, 50, 5, 90, 90, 90 },
+    { 10, 20, 30, 0, 7, 7, 5, 50, 5, 98, 82, 98 },
+    { 10, 20, 30, 100, 7, 7, 5, 58, 5, 90, 90, 90 },
+    { 10, 20, 30, 200, 7, 7, 5, 42, 5, 82, 98, 90 },
+    { 10, 20, 30, 255, 7, 7, 5, 59, 5, 90, 90, 82 }
 };
-static const uint8_t film_median[12] = {
-    10, 20, 30, 100, 7, 7, 5, 50, 5, 90, 90, 90
-};
+static const uint8_t film_median[12] = { 10, 20, 30, 100, 7,  7,
+                                         5,  50, 5,  90,  90, 90 };
 
 TEST(median_should_be_the_middle_value)
 {
@@ -68,18 +67,17 @@ TEST(psnr_should_be_of_changing_pixels_only)
         uint8_t picture[12];
 
         memcpy(picture, film[i], sizeof picture);
-        picture[0] = 255;                     /* this pixel stands still: no
-                                               * error */
+        picture[0] = 255; /* this pixel stands still: no
+                           * error */
         picture[9] = 0;
         /* Where it equals the median, the second pixel does not change: no
          * error. */
-        picture[3] = film[i][3] == 100 ? 0
-                   : film[i][3];
+        picture[3] = film[i][3] == 100 ? 0 : film[i][3];
         if (i == 0)
-            picture[4] += 6;                  /* 36: all channels count */
+            picture[4] += 6; /* 36: all channels count */
         if (i == 4) {
-            picture[7] -= 3;                  /* an error of 9 */
-            picture[8] += 5;                  /* an error of 25 */
+            picture[7] -= 3; /* an error of 9 */
+            picture[8] += 5; /* an error of 25 */
         }
         saga_change_add(&sum, film_median, film[i], picture, 4);
     }
@@ -137,8 +135,8 @@ static void check_sorted(int n_frames, size_t n, uint32_t seed, int n_threads)
         for (int f = 0; f < n_frames; f++)
             column[f] = frame[f][i];
         qsort(column, (size_t)n_frames, 1, compare);
-        assert_int_equal(median[i], (int)floor((column[low] + column[high]) /
-                                               2.0 + 0.5));
+        assert_int_equal(median[i],
+                         (int)floor((column[low] + column[high]) / 2.0 + 0.5));
     }
     assert_int_equal(median[n], 0xa5);
 }
@@ -149,6 +147,7 @@ TEST(median_should_be_what_sorting_gives)
 
     for (int n_frames = 1; n_frames <= 32; n_frames++)
         for (size_t i = 0; i < sizeof size / sizeof size[0]; i++)
-            check_sorted(n_frames, size[i], (uint32_t)(37 * n_frames) +
-                         (uint32_t)i, 1 + n_frames % 3);
+            check_sorted(n_frames, size[i],
+                         (uint32_t)(37 * n_frames) + (uint32_t)i,
+                         1 + n_frames % 3);
 }

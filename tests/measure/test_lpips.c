@@ -44,7 +44,8 @@ static saga_planes planes(int n, int height, int width)
 static double at(const saga_planes *p, int c, int y, int x)
 {
     return y < 0 || y >= p->height || x < 0 || x >= p->width
-        ? 0.0 : (double)p->v[(c * p->height + y) * p->width + x];
+               ? 0.0
+               : (double)p->v[(c * p->height + y) * p->width + x];
 }
 
 /* Computes one output of a convolution by the definition. */
@@ -64,28 +65,31 @@ static double convolve(const saga_conv *c, const double *w, double bias,
 
 TEST(convolution_should_be_its_definition)
 {
-    static const struct { int n_out, n_in, size, stride, pad, height, width; }
-    cases[] = {
-        { 5, 3, 3, 1, 1, 9, 13 }, { 8, 2, 11, 4, 2, 31, 26 },
-        { 3, 7, 1, 1, 0, 10, 11 }, { 4, 4, 5, 1, 2, 4, 3 },
-        { 1, 1, 3, 2, 0, 17, 33 }
-    };
+    static const struct {
+        int n_out, n_in, size, stride, pad, height, width;
+    } cases[] = { { 5, 3, 3, 1, 1, 9, 13 },
+                  { 8, 2, 11, 4, 2, 31, 26 },
+                  { 3, 7, 1, 1, 0, 10, 11 },
+                  { 4, 4, 5, 1, 2, 4, 3 },
+                  { 1, 1, 3, 2, 0, 17, 33 } };
 
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
-        saga_conv c = { .n_out = cases[k].n_out, .n_in = cases[k].n_in,
-                        .size = cases[k].size, .stride = cases[k].stride,
+        saga_conv c = { .n_out = cases[k].n_out,
+                        .n_in = cases[k].n_in,
+                        .size = cases[k].size,
+                        .stride = cases[k].stride,
                         .pad = cases[k].pad };
         saga_planes in = planes(c.n_in, cases[k].height, cases[k].width);
-        FREED double *const w = numbers((size_t)(c.n_out * c.n_in * c.size *
-                                                 c.size));
+        FREED double *const w = numbers(
+            (size_t)(c.n_out * c.n_in * c.size * c.size));
         FREED double *const b = numbers((size_t)c.n_out);
         saga_planes out;
 
         assert_true(saga_conv_pack(&c, w, b, &error));
         assert_true(saga_conv_run(&out, &c, &in, 1 + (int)k % 3, &error));
         assert_int_equal(out.n, c.n_out);
-        assert_int_equal(out.height, (in.height + 2 * c.pad - c.size) /
-                                     c.stride + 1);
+        assert_int_equal(out.height,
+                         (in.height + 2 * c.pad - c.size) / c.stride + 1);
         for (int o = 0; o < out.n; o++)
             for (int y = 0; y < out.height; y++)
                 for (int x = 0; x < out.width; x++) {
@@ -139,19 +143,20 @@ TEST(pooling_should_take_the_last_window_when_ceil)
 enum { SIDE = 64 };
 
 /* The distances that the data's README gives, computed with numpy. */
-static const struct { const char *weights; double distance[2]; }
-references[] = {
-    { "lpips_alex_v0.1.npz", { 0.721881, 0.137566 } },
-    { "lpips_squeeze_v0.1.npz", { 0.711047, 0.147902 } }
-};
+static const struct {
+    const char *weights;
+    double distance[2];
+} references[] = { { "lpips_alex_v0.1.npz", { 0.721881, 0.137566 } },
+                   { "lpips_squeeze_v0.1.npz", { 0.711047, 0.147902 } } };
 
 static void load(uint8_t *rgb, const char *name)
 {
     char path[80];
 
     snprintf(path, sizeof path, DATA "%s", name);
-    if (!saga_picture_read(path, &(saga_picture_wish){
-            .width = SIDE, .height = SIDE }, rgb, &error))
+    if (!saga_picture_read(
+            path, &(saga_picture_wish){ .width = SIDE, .height = SIDE }, rgb,
+            &error))
         fail_msg("%s", error.message);
 }
 

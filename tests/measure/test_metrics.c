@@ -107,8 +107,8 @@ static double *half_of(const double *v, int width, int height)
         for (int k = 0; k < 4; k++) {
             const int x = 2 * (i % w) + k % 2, y = 2 * (i / w) + k / 2;
 
-            sum += v[(y < height ? y : y - 1) * width +
-                     (x < width ? x : x - 1)];
+            sum +=
+                v[(y < height ? y : y - 1) * width + (x < width ? x : x - 1)];
         }
         out[i] = sum / 4.0;
     }
@@ -200,10 +200,10 @@ TEST(masked_pixels_should_not_count)
     const saga_score_options quick = { .no_ssim = true };
     saga_score all, half;
 
-    assert_true(saga_score_pair(&all, &PAIR(a, b, 2, 1, 1), 1.0, &quick,
-                                &error));
-    assert_true(saga_score_pair(&half, &PAIR(a, b, 2, 1, 1), 0.5, &quick,
-                                &error));
+    assert_true(
+        saga_score_pair(&all, &PAIR(a, b, 2, 1, 1), 1.0, &quick, &error));
+    assert_true(
+        saga_score_pair(&half, &PAIR(a, b, 2, 1, 1), 0.5, &quick, &error));
     for (int i = 0; i < 2; i++) {
         const int m = saga_metric_called(i ? "psnr_of_mean_mse" : "psnr");
 
@@ -302,8 +302,7 @@ TEST(threads_should_not_change_a_score)
     uint8_t *a, *b;
 
     make_pair(&a, &b, W, H, 4);
-    assert_true(saga_score_pair(&one, &PAIR(a, b, W, H, 1), 1.0, &all,
-                                &error));
+    assert_true(saga_score_pair(&one, &PAIR(a, b, W, H, 1), 1.0, &all, &error));
     for (int threads = 2; threads <= 5; threads++) {
         assert_true(saga_score_pair(&many, &PAIR(a, b, W, H, threads), 1.0,
                                     &all, &error));

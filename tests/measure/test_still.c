@@ -12,7 +12,7 @@ enum { PIXELS = 6, PART = 20, PARTS = 3, ALL = PART * PARTS };
  * value in each frame; the second view has no picture. */
 typedef struct {
     saga_capture capture;
-    saga_shot view[2];
+    saga_source_view view[2];
     uint8_t rgb[2][PART][3 * PIXELS];
     uint8_t mask[PART][PIXELS];
     bool missing[PART];
@@ -26,12 +26,14 @@ static uint8_t value_at(int frame)
 static const saga_capture *make_part(part *p, int number)
 {
     memset(p, 0, sizeof *p);
-    p->capture = (saga_capture){ .n_views = 2, .n_frames = PART, .fps = 24,
-                                 .views = p->view };
+    p->capture = (saga_capture){
+        .n_views = 2, .n_frames = PART, .fps = 24, .views = p->view
+    };
     memset(p->missing, 1, sizeof p->missing);
     for (int v = 0; v < 2; v++)
-        p->view[v] = (saga_shot){ .width = PIXELS, .height = 1,
-                                  .rgb = p->rgb[v][0] };
+        p->view[v] = (saga_source_view){ .width = PIXELS,
+                                         .height = 1,
+                                         .rgb = p->rgb[v][0] };
     p->view[0].mask = p->mask[0];
     p->view[1].missing = p->missing;
     p->view[1].n_missing = PART;
@@ -91,8 +93,11 @@ TEST(still_should_count_what_is_steady)
     for (int others = 0; others < 8; others++)
         for (int level = 8; level < 10; level++) {
             uint8_t rgb[N][3 * PIXELS];
-            saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb[0] };
-            const saga_capture whole = { .n_views = 1, .n_frames = N,
+            saga_source_view view = { .width = PIXELS,
+                                      .height = 1,
+                                      .rgb = rgb[0] };
+            const saga_capture whole = { .n_views = 1,
+                                         .n_frames = N,
                                          .views = &view };
             saga_still s = { .n = 0 };
             FREED_BY(saga_capture_free) saga_capture c;

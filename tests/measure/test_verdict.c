@@ -23,9 +23,8 @@ static void near(double value, double wanted)
 TEST(verdict_should_part_what_moves)
 {
     uint8_t rgb[3 * PIXELS * FRAMES], made[3 * PIXELS];
-    saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb };
-    const saga_capture c = { .n_views = 1, .n_frames = FRAMES,
-                             .views = &view };
+    saga_source_view view = { .width = PIXELS, .height = 1, .rgb = rgb };
+    const saga_capture c = { .n_views = 1, .n_frames = FRAMES, .views = &view };
     saga_verdict v = { 0 };
     FREED uint8_t *median;
 

@@ -25,9 +25,9 @@ static double uniform(uint32_t *state)
 }
 
 /* Returns a turned camera somewhere around a cube, from a unit quaternion. */
-static saga_shot random_shot(const saga_metric *m, uint32_t *seed)
+static saga_source_view random_view(const saga_metric *m, uint32_t *seed)
 {
-    saga_shot s = { .name = "random", .width = 640, .height = 360 };
+    saga_source_view s = { .name = "random", .width = 640, .height = 360 };
     double q[4], n = 0.0, centre[3];
 
     for (int i = 0; i < 4; i++)
@@ -38,13 +38,12 @@ static saga_shot random_shot(const saga_metric *m, uint32_t *seed)
         const int a = i / 3, b = i % 3, c = 3 - a - b;
         const double sign = (b - a + 3) % 3 == 1 ? -1.0 : 1.0;
 
-        s.rotation[i] = a == b
-            ? 2.0 * (q[0] * q[0] + q[a + 1] * q[a + 1]) / n - 1.0
-            : 2.0 * (q[a + 1] * q[b + 1] + sign * q[0] * q[c + 1]) / n;
+        s.rotation[i] =
+            a == b ? 2.0 * (q[0] * q[0] + q[a + 1] * q[a + 1]) / n - 1.0
+                   : 2.0 * (q[a + 1] * q[b + 1] + sign * q[0] * q[c + 1]) / n;
     }
     for (int i = 0; i < 3; i++)
-        centre[i] = m->centre[i] +
-                    2.0 * saga_metric_width(m) * uniform(seed);
+        centre[i] = m->centre[i] + 2.0 * saga_metric_width(m) * uniform(seed);
     for (int i = 0; i < 3; i++)
         s.translation[i] = -(s.rotation[3 * i] * centre[0] +
                              s.rotation[3 * i + 1] * centre[1] +
@@ -65,17 +64,18 @@ TEST(camera_should_come_back_from_integers)
     uint32_t seed = 1;
 
     for (int k = 0; k < 500; k++) {
-        const saga_shot s = random_shot(&somewhere, &seed);
-        saga_shot back = { .name = "" };
+        const saga_source_view s = random_view(&somewhere, &seed);
+        saga_source_view back = { .name = "" };
         saga_error error = { "" };
         saga_camera c = { .near_plane = 0 };
         double p[3], q[3];
 
-        assert_true(saga_camera_of_shot(&c, &somewhere, &s, 0.01, &error));
+        assert_true(
+            saga_camera_of_source_view(&c, &somewhere, &s, 0.01, &error));
         assert_int_equal(c.near_plane, 33333);
-        saga_shot_of_camera(&back, &somewhere, &c);
-        saga_shot_centre(p, &s);
-        saga_shot_centre(q, &back);
+        saga_source_view_of_camera(&back, &somewhere, &c);
+        saga_source_view_centre(p, &s);
+        saga_source_view_centre(q, &back);
         for (int i = 0; i < 3; i++)
             assert_true(fabs(p[i] - q[i]) < 1e-5);
         for (int i = 0; i < 9; i++)
@@ -94,7 +94,7 @@ TEST(rotation_should_keep_to_its_limit)
     uint32_t seed = 2;
 
     for (int k = 0; k < 500; k++) {
-        saga_shot s = random_shot(&here, &seed);
+        saga_source_view s = random_view(&here, &seed);
         saga_error error = { "" };
         saga_camera c = { .near_plane = 0 };
 
@@ -102,24 +102,27 @@ TEST(rotation_should_keep_to_its_limit)
             s.rotation[i] = 1.0;
         for (int i = 0; i < 9; i++)
             s.rotation[i] *= 1.0 + 1e-3 * k;
-        assert_true(saga_camera_of_shot(&c, &here, &s, 0.01, &error));
+        assert_true(saga_camera_of_source_view(&c, &here, &s, 0.01, &error));
         for (int row = 0; row < 3; row++) {
             const int32_t *const r = c.rotation_q30 + 3 * row;
             const int64_t sum = (int64_t)abs(r[0]) + abs(r[1]) + abs(r[2]);
 
             assert_true((double)sum <= 1.7321 * 1073741824.0);
             assert_true(fabs(sqrt((double)r[0] * r[0] + (double)r[1] * r[1] +
-                                  (double)r[2] * r[2]) - 1073741824.0) < 2.0);
+                                  (double)r[2] * r[2]) -
+                             1073741824.0) < 2.0);
         }
     }
 }
 
-static void refused(const saga_shot *s, double near_metres, const char *says)
+static void refused(const saga_source_view *s, double near_metres,
+                    const char *says)
 {
     saga_error error = { "" };
     saga_camera c = { .near_plane = 0 };
 
-    assert_false(saga_camera_of_shot(&c, &somewhere, s, near_metres, &error));
+    assert_false(
+        saga_camera_of_source_view(&c, &somewhere, s, near_metres, &error));
     if (!strstr(error.message, says) || !strstr(error.message, s->name))
         fail_msg("no '%s' in: %s", says, error.message);
 }
@@ -127,8 +130,8 @@ static void refused(const saga_shot *s, double near_metres, const char *says)
 TEST(camera_should_be_refused_with_its_value)
 {
     uint32_t seed = 3;
-    const saga_shot good = random_shot(&somewhere, &seed);
-    saga_shot s = good;
+    const saga_source_view good = random_view(&somewhere, &seed);
+    saga_source_view s = good;
 
     s.fx = 0.0;
     refused(&s, 0.01, "focal length, 0");
@@ -155,7 +158,8 @@ TEST(resized_camera_should_see_the_same)
 {
     saga_camera c = { .focal_q16 = { 100 << 16, 90 << 16 },
                       .principal_q16 = { 84 << 16, 60 << 16 },
-                      .width = 160, .height = 120 };
+                      .width = 160,
+                      .height = 120 };
 
     saga_camera_resize(&c, 320, 480);
     assert_int_equal(c.width, 320);
@@ -199,8 +203,10 @@ static uint32_t manifest_crc(void)
     bool found = false;
 
     while (!found && fgets(line, sizeof line, f))
-        found = sscanf(line, "good/motion.saga 0 %*s %*s %*s %*s 0 0 %*s %*s "
-                       "%" SCNx32, &crc) == 1;
+        found = sscanf(line,
+                       "good/motion.saga 0 %*s %*s %*s %*s 0 0 %*s %*s "
+                       "%" SCNx32,
+                       &crc) == 1;
     fclose(f);
     assert_true(found);
     return crc;
@@ -241,8 +247,7 @@ TEST(what_a_file_lacks_should_be_told)
     assert_false(saga_film_rig(&o.film, 3, &c, &number, &o.error));
     assert_non_null(strstr(o.error.message, "no camera 3; it has 3 cameras"));
     o.error.message[0] = '\0';
-    assert_false(saga_film_draw(&o.film, &c, 9999, 1, rgb,
-                                &o.error));
+    assert_false(saga_film_draw(&o.film, &c, 9999, 1, rgb, &o.error));
     assert_non_null(strstr(o.error.message, "no frame 9999 among its"));
     /* If the file lacks its last byte, it must open, but its segment must be
      * refused. */
@@ -262,8 +267,8 @@ TEST(damaged_file_should_not_open)
     open_vector(&o, 1);
     saga_film_close(&o.film);
     o.bytes.data[20] ^= 1;
-    assert_false(saga_film_open(&o.film, vector, o.bytes.data,
-                                o.bytes.nbytes, 1, &o.error));
+    assert_false(saga_film_open(&o.film, vector, o.bytes.data, o.bytes.nbytes,
+                                1, &o.error));
     assert_non_null(strstr(o.error.message, vector));
     assert_null(o.film.work);
 }
@@ -274,14 +279,14 @@ TEST(hurried_film_should_say_how_to_wait)
 
     open_vector(&o, 1);
     saga_film_close(&o.film);
-    assert_false(saga_film_open_within(&o.film, vector, &o.bytes, 1e-9,
-                                       &o.error));
+    assert_false(
+        saga_film_open_within(&o.film, vector, &o.bytes, 1e-9, &o.error));
     assert_non_null(strstr(o.error.message, "more than 1e-09 s"));
     assert_non_null(strstr(o.error.message, "allow more with --seconds 6e-09"));
     assert_null(o.film.work);
     o.error.message[0] = 0;
-    assert_true(saga_film_open_within(&o.film, vector, &o.bytes, 600,
-                                      &o.error));
+    assert_true(
+        saga_film_open_within(&o.film, vector, &o.bytes, 600, &o.error));
 }
 
 /* --- The path ------------------------------------------------------------ */
@@ -298,23 +303,24 @@ TEST(orbit_should_stay_where_the_rig_was)
     assert_true(saga_orbit_of(&p, &o.film, &o.error));
     assert_false(p.closed);
     for (int k = 0; k < 16; k++) {
-        saga_shot s = { .name = "" };
+        saga_source_view s = { .name = "" };
         saga_camera c;
         double at[3], centre[3], along = 0.0, level = 0.0;
 
-        assert_true(saga_orbit_camera(&c, &p, &o.film.metric, k / 16.0,
-                                      &o.error));
-        saga_shot_of_camera(&s, &o.film.metric, &c);
+        assert_true(
+            saga_orbit_camera(&c, &p, &o.film.metric, k / 16.0, &o.error));
+        saga_source_view_of_camera(&s, &o.film.metric, &c);
         saga_view_transform(&s, p.focus, at);
         assert_true(fabs(at[0]) < 1e-4 && fabs(at[1]) < 1e-4);
         assert_true(fabs(at[2] - hypot(p.radius, p.height)) < 1e-4);
-        saga_shot_centre(centre, &s);
+        saga_source_view_centre(centre, &s);
         for (int i = 0; i < 3; i++) {
             along += (centre[i] - p.focus[i]) * p.side[i];
             level += s.rotation[i] * p.up[i];
         }
-        assert_true(fabs(along) <= p.radius * sin(fmin(p.half +
-                    fabs(p.middle), 1.5707963)) + 1e-3);
+        assert_true(fabs(along) <=
+                    p.radius * sin(fmin(p.half + fabs(p.middle), 1.5707963)) +
+                        1e-3);
         assert_true(fabs(level) < 1e-6);
     }
 }
@@ -325,8 +331,10 @@ TEST(orbit_should_stay_where_the_rig_was)
 static saga_capture rig_capture(const opened *o)
 {
     const saga_info *const i = &o->film.info;
-    saga_capture c = { .format = "test", .n_views = (int)i->n_cameras,
-                       .n_frames = (int)i->n_frames, .scale = 1,
+    saga_capture c = { .format = "test",
+                       .n_views = (int)i->n_cameras,
+                       .n_frames = (int)i->n_frames,
+                       .scale = 1,
                        .fps = (double)i->fps_num / i->fps_den };
 
     c.views = must(calloc(i->n_cameras, sizeof *c.views));
@@ -336,7 +344,7 @@ static saga_capture rig_capture(const opened *o)
         uint32_t number;
 
         assert_true(saga_film_rig(&o->film, k, &camera, &number, &error));
-        saga_shot_of_camera(&c.views[k], &o->film.metric, &camera);
+        saga_source_view_of_camera(&c.views[k], &o->film.metric, &camera);
         snprintf(c.views[k].name, sizeof c.views[k].name, "cam%02" PRIu32, k);
     }
     return c;
@@ -375,7 +383,7 @@ TEST(capture_should_be_refused_where_it_differs)
 {
     char says[64];
     FREED_BY(saga_capture_free) saga_capture c;
-    saga_shot *v;
+    saga_source_view *v;
     saga_eval e;
     FREED_BY(close_vector) opened o;
 
@@ -416,9 +424,9 @@ static void fill_capture(saga_capture *c, opened *o, const saga_eval *e,
 
         c->views[i].rgb = must(malloc(n * (size_t)c->n_frames));
         for (int k = 0; k < c->n_frames; k++)
-            assert_true(saga_film_draw(&o->film, &e->view[i].camera,
-                                       (uint32_t)k, 1, c->views[i].rgb +
-                                       n * (size_t)k, &o->error));
+            assert_true(
+                saga_film_draw(&o->film, &e->view[i].camera, (uint32_t)k, 1,
+                               c->views[i].rgb + n * (size_t)k, &o->error));
         memset(c->views[i].rgb, level, n);
     }
 }
@@ -441,9 +449,9 @@ static double told(const saga_score *score, const char *key)
 static void expect_change(const saga_score *got, const saga_change *want)
 {
     assert_true(told(got, "changing_pixels") == (double)want->n_changing);
-    assert_true(fabs(told(got, "changing_psnr") - 10 * log10(
-        65025.0 * 3.0 * (double)want->n_changing / (double)want->error)) <
-        1e-9);
+    assert_true(fabs(told(got, "changing_psnr") -
+                     10 * log10(65025.0 * 3.0 * (double)want->n_changing /
+                                (double)want->error)) < 1e-9);
 }
 
 /* Computes the expected scores sample by sample from their definitions: error
@@ -497,8 +505,7 @@ TEST(score_should_tell_medians_and_changes)
     FREED_BY(saga_capture_free) saga_capture c;
     FREED_BY(saga_eval_free) saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "vector", 1, saga_eval_draw_film,
-                                    &o.film };
+    const saga_eval_maker maker = { "vector", 1, saga_eval_draw_film, &o.film };
 
     open_vector(&o, 2);
     c = rig_capture(&o);
@@ -514,7 +521,7 @@ TEST(score_should_tell_medians_and_changes)
         assert_true(want[i].change.n_changing > 0);
         assert_true(fabs(told(got, "changing_share") -
                          (double)want[i].change.n_changing /
-                         (double)want[i].change.n_pixels) < 1e-12);
+                             (double)want[i].change.n_pixels) < 1e-12);
         assert_true(fabs(told(got, "median_psnr_of_mean_mse") -
                          10 * log10(65025.0 / want[i].median_mse)) < 1e-9);
         assert_true(fabs(told(got, "median_psnr") - want[i].median_psnr) <
@@ -541,8 +548,7 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
     saga_capture c, made;
     FREED_BY(saga_eval_free) saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures,
-                                    &made };
+    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures, &made };
     double n, d;
 
     open_vector(&o, 2);
@@ -569,9 +575,10 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
     d = 10 / n;
     assert_true(fabs(told(&e.view[0].score, "median_psnr_of_mean_mse") -
                      10 * log10(65025 / (100 / n))) < 1e-9);
-    assert_true(fabs(told(&e.view[0].score, "psnr_exposed") -
-                     10 * log10(65025 * n / (d * d * (n - 1) +
-                                             (10 - d) * (10 - d)))) < 1e-6);
+    assert_true(
+        fabs(told(&e.view[0].score, "psnr_exposed") -
+             10 * log10(65025 * n / (d * d * (n - 1) + (10 - d) * (10 - d)))) <
+        1e-6);
     saga_capture_free(&c);
     saga_capture_free(&made);
 }
@@ -585,8 +592,7 @@ TEST(pictures_of_another_codec_should_be_judged_alike)
     saga_capture c, made;
     saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures,
-                                    &made };
+    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures, &made };
 
     open_vector(&o, 2);
     c = rig_capture(&o);
@@ -633,9 +639,9 @@ TEST(difference_should_be_clipped)
 TEST(montage_should_place_pictures_on_grey)
 {
     static const uint8_t one[3 * 2 * 3] = { 1, 2, 3 }, two[3] = { 9, 8, 7 };
-    const saga_still stills[3] = {
-        { one, 2, 3 }, { two, 1, 1 }, { two, 1, 1 }
-    };
+    const saga_still stills[3] = { { one, 2, 3 },
+                                   { two, 1, 1 },
+                                   { two, 1, 1 } };
     enum { W = 2 + SAGA_MONTAGE_GAP + 2, H = 3 + SAGA_MONTAGE_GAP + 3 };
     char path[] = "/tmp/saga-montage-XXXXXX";
     uint8_t rgb[3 * W * H];
@@ -644,8 +650,8 @@ TEST(montage_should_place_pictures_on_grey)
     assert_true(fd >= 0);
     close(fd);
     assert_done(saga_montage_write(path, stills, 3, 2, &error));
-    assert_done(saga_picture_read(path, &(saga_picture_wish){
-        .width = W, .height = H }, rgb, &error));
+    assert_done(saga_picture_read(
+        path, &(saga_picture_wish){ .width = W, .height = H }, rgb, &error));
     assert_memory_equal(rgb, one, 6);
     assert_int_equal(rgb[3 * 2], 128);
     assert_memory_equal(rgb + 3 * (2 + SAGA_MONTAGE_GAP), two, 3);

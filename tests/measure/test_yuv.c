@@ -22,13 +22,12 @@ static void paint(uint8_t *rgb, int dx, int dy, int brighter)
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
             for (int c = 0; c < 3; c++)
-                rgb[3 * (y * W + x) + c] = (uint8_t)(
-                    100 + brighter + 4 * ((x + dx) % 23) +
-                    (7 + c) * ((y + dy) % 9) % 40);
+                rgb[3 * (y * W + x) + c] =
+                    (uint8_t)(100 + brighter + 4 * ((x + dx) % 23) +
+                              (7 + c) * ((y + dy) % 9) % 40);
 }
 
-static saga_yuv_score compare(const uint8_t *a, const uint8_t *b,
-                              bool equirect)
+static saga_yuv_score compare(const uint8_t *a, const uint8_t *b, bool equirect)
 {
     const saga_picture_pair pair = { a, b, W, H, 1 };
     saga_yuv_score s;
@@ -39,12 +38,11 @@ static saga_yuv_score compare(const uint8_t *a, const uint8_t *b,
 
 TEST(yuv_should_be_that_of_bt709)
 {
-    static const uint8_t rgb[] = { 0, 0, 0, 255, 255, 255, 255, 0, 0,
-                                   0, 255, 0, 0, 0, 255, 128, 128, 128 };
-    static const uint8_t want[][3] = {
-        { 0, 128, 128 }, { 255, 128, 128 }, { 54, 99, 255 },
-        { 182, 30, 12 }, { 18, 255, 116 }, { 128, 128, 128 }
-    };
+    static const uint8_t rgb[] = { 0, 0,   0, 255, 255, 255, 255, 0,   0,
+                                   0, 255, 0, 0,   0,   255, 128, 128, 128 };
+    static const uint8_t want[][3] = { { 0, 128, 128 },  { 255, 128, 128 },
+                                       { 54, 99, 255 },  { 182, 30, 12 },
+                                       { 18, 255, 116 }, { 128, 128, 128 } };
     saga_yuv yuv;
 
     assert_true(saga_yuv_of(&yuv, rgb, 6, 1, &error));

@@ -26,12 +26,16 @@ static float *reals(size_t n)
 
 static blocks make(size_t n, float rate)
 {
-    blocks s = { reals(n * WIDTH), reals(n * WIDTH), reals(n * WIDTH),
-                 reals(n * WIDTH), reals(n * WIDTH * WIDTH),
-                 reals(n * WIDTH * WIDTH), { 0 } };
+    blocks s = { reals(n * WIDTH),
+                 reals(n * WIDTH),
+                 reals(n * WIDTH),
+                 reals(n * WIDTH),
+                 reals(n * WIDTH * WIDTH),
+                 reals(n * WIDTH * WIDTH),
+                 { 0 } };
 
-    s.b = (saga_block_adam){ s.x, s.g, s.m, s.v, s.covariance, s.axes, n,
-                             WIDTH, rate };
+    s.b = (saga_block_adam){ s.x,    s.g, s.m,   s.v, s.covariance,
+                             s.axes, n,   WIDTH, rate };
     saga_block_adam_begin(&s.b);
     return s;
 }
@@ -202,8 +206,8 @@ TEST(blocks_should_not_depend_on_threads)
         }
     }
     assert_memory_equal(s[0].x, s[1].x, N * WIDTH * sizeof(float));
-    assert_memory_equal(s[0].axes, s[1].axes, N * WIDTH * WIDTH *
-                        sizeof(float));
+    assert_memory_equal(s[0].axes, s[1].axes,
+                        N * WIDTH * WIDTH * sizeof(float));
     drop(&s[0]);
     drop(&s[1]);
 }

@@ -11,12 +11,11 @@
 
 #define TOLERANCE 1e-6
 
-static const saga_net shapes[] = {
-    { .n_layers = 3, .dim = { 7, 13, 9, 5 } },
-    { .n_layers = 2, .dim = { 16, 32, 3 } },
-    { .n_layers = 1, .dim = { 1, 1 } },
-    { .n_layers = 4, .dim = { 24, 8, 40, 12, 21 } }
-};
+static const saga_net shapes[] = { { .n_layers = 3, .dim = { 7, 13, 9, 5 } },
+                                   { .n_layers = 2, .dim = { 16, 32, 3 } },
+                                   { .n_layers = 1, .dim = { 1, 1 } },
+                                   { .n_layers = 4,
+                                     .dim = { 24, 8, 40, 12, 21 } } };
 enum { N_SHAPES = sizeof shapes / sizeof *shapes };
 
 static void random_reals(real *x, size_t n, uint64_t stream)
@@ -48,8 +47,7 @@ static double naive(const saga_net *net, const real *x, const real *dy)
     return sum;
 }
 
-static double loss(const saga_net *net, const real *x, const real *dy,
-                   size_t m)
+static double loss(const saga_net *net, const real *x, const real *dy, size_t m)
 {
     double sum = 0;
 
@@ -59,8 +57,8 @@ static double loss(const saga_net *net, const real *x, const real *dy,
     return sum;
 }
 
-static double worst_error(const saga_net *net, real *v, const real *d,
-                          size_t n, const real *x, const real *dy, size_t m)
+static double worst_error(const saga_net *net, real *v, const real *d, size_t n,
+                          const real *x, const real *dy, size_t m)
 {
     const double step = 1e-6;
     double top = 0, worst = 0;
@@ -76,8 +74,7 @@ static double worst_error(const saga_net *net, real *v, const real *d,
         v[i] = old - step;
         slope = (slope - loss(net, x, dy, m)) / (2 * step);
         v[i] = old;
-        worst = fmax(worst, fabs(slope - d[i]) / fmax(fabs(slope),
-                                                      0.01 * top));
+        worst = fmax(worst, fabs(slope - d[i]) / fmax(fabs(slope), 0.01 * top));
     }
     return worst;
 }

@@ -41,7 +41,8 @@ TEST(adam_should_match_steps_by_hand)
     assert_done(saga_adam_update(&adam, &t, 1, 2, &error));
     for (int i = 0; i < N; i += 2)
         assert_true(fabs((double)x[i] - (1.5 - 0.5 * (0.39 / 0.19) /
-                         sqrt(0.009999 / 0.001999))) < 1e-5);
+                                                   sqrt(0.009999 / 0.001999))) <
+                    1e-5);
 }
 
 /* Without a bound, steps must equal those of Kingma and Ba's algorithm 1, which
@@ -107,7 +108,7 @@ TEST(adam_should_name_what_is_not_finite)
     x[5 * N + 4321] = INFINITY;
     assert_false(saga_adam_update(&adam, t, 2, 7, &error));
     assert_non_null(strstr(error.message, "number 4321 of the gradients of "
-                           "the bad is not finite at step 7"));
+                                          "the bad is not finite at step 7"));
     assert_true(x[0] == 0);
     x[5 * N + 9997] = x[5 * N + 4321] = 1;
     x[4 * N + 9998] = -INFINITY;
@@ -180,8 +181,8 @@ TEST(rng_should_shuffle_each_epoch_anew)
 
             memset(seen, 0, n);
             for (uint32_t i = 0; i < n; i++) {
-                const uint32_t x = saga_rng_shuffled(
-                    r, (uint64_t)epoch * n + i, n);
+                const uint32_t x = saga_rng_shuffled(r, (uint64_t)epoch * n + i,
+                                                     n);
 
                 assert_true(x < n && !seen[x]);
                 seen[x] = 1;

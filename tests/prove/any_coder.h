@@ -37,8 +37,7 @@ static uint32_t any_uniform(saga_coder *c, saga_at at, uint32_t bits)
     return any_of(0, (1u << bits) - 1);
 }
 
-static const saga_coder any_coder = {
-    any_residual, any_adaptive, any_uniform, 0
-};
+static const saga_coder any_coder = { any_residual, any_adaptive, any_uniform,
+                                      0 };
 
 #endif

@@ -87,8 +87,7 @@ static void zeros(void)
     //@ check 0 <= n <= 31;
     n = fx_clz64(Frama_C_unsigned_long_interval(1, UINT32_MAX));
     //@ check 32 <= n <= 63;
-    n = fx_clz64(Frama_C_unsigned_long_interval((uint64_t)1 << 32,
-                                                UINT64_MAX));
+    n = fx_clz64(Frama_C_unsigned_long_interval((uint64_t)1 << 32, UINT64_MAX));
     //@ check 0 <= n <= 31;
     (void)n;
 }

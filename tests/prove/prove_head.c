@@ -11,7 +11,11 @@
 #include "work_block.h"
 
 enum {
-    N = 640, CAMERAS_AT = 14, SEGMENTS_AT = 16, NETS_AT = 44, TOOLS_AT = 72
+    N = 640,
+    CAMERAS_AT = 14,
+    SEGMENTS_AT = 16,
+    NETS_AT = 44,
+    TOOLS_AT = 72
 };
 
 static uint8_t bytes[N];

@@ -33,7 +33,7 @@ static const char *take_apart(const uint8_t *bytes, size_t n)
 
 static int record(const uint8_t *bytes, size_t n)
 {
-    return recorder_tell(NULL, NULL, bytes, n);
+    return recorder_compare(NULL, NULL, bytes, n);
 }
 
 /* Copies the file without a change: a file that can be read can be written. */
@@ -41,8 +41,7 @@ static const char *zero(const uint8_t *bytes, size_t n)
 {
     uint8_t *out = NULL;
     size_t n_out;
-    const char *const why = zeroed_make(&out, &n_out, bytes, n,
-                                        ZEROED_NOTHING);
+    const char *const why = zeroed_make(&out, &n_out, bytes, n, ZEROED_NOTHING);
 
     free(out);
     return why;
@@ -92,13 +91,11 @@ static void check_good(const char *name, const uint8_t *bytes, size_t n)
     saga_info info;
 
     assert_ok(saga_probe(&info, bytes, n));
-    if (!record(bytes, n) ||
-        (zero(bytes, n) == NULL) !=
-            (info.base_coarse == 0 && info.n_layers == 1))
+    if (!record(bytes, n) || (zero(bytes, n) == NULL) !=
+                                 (info.base_coarse == 0 && info.n_layers == 1))
         fail_msg("%s is refused", name);
     if ((take_apart(bytes, n) == NULL) !=
-        (info.n_segments == 1 && info.n_layers == 1 &&
-         info.base_coarse == 0))
+        (info.n_segments == 1 && info.n_layers == 1 && info.base_coarse == 0))
         fail_msg("%s, %u segments: %s", name, (unsigned)info.n_segments,
                  take_apart(bytes, n));
 }
@@ -119,7 +116,8 @@ static uint8_t *make_base(uint64_t number, size_t *n)
 {
     const gen_options o = { .seed = number,
                             .n_coarse = 1 + (uint32_t)(number % 5),
-                            .bank = (int)(number % 3), .bank_slots = 32,
+                            .bank = (int)(number % 3),
+                            .bank_slots = 32,
                             .bank_width = 8 };
 
     return gen_stream_bytes(&o, n);
@@ -132,8 +130,7 @@ static int decodes(const mutate_result *result, const saga_info *info,
 {
     saga_segment last;
 
-    return (result->stage == MUTATE_AT_VIEW ||
-            result->stage == MUTATE_DRAWN) &&
+    return (result->stage == MUTATE_AT_VIEW || result->stage == MUTATE_DRAWN) &&
            saga_find(&last, bytes, n, info->n_frames - 1, 1) == SAGA_OK;
 }
 
@@ -153,8 +150,7 @@ static void play(uint64_t number, const uint8_t *base, size_t n_base,
         const int takes = take_apart(bytes, n) == NULL;
 
         if (takes != decodes(&result, &info, bytes, n) ||
-            record(bytes, n) != takes ||
-            (zero(bytes, n) == NULL && !takes))
+            record(bytes, n) != takes || (zero(bytes, n) == NULL && !takes))
             fail_msg("stream %llu: %d, %d, %s, %s; decoder: %s",
                      (unsigned long long)number, takes, record(bytes, n),
                      take_apart(bytes, n), zero(bytes, n),

@@ -19,8 +19,8 @@ static void verify(saga_verify *v, const char *path, uint32_t frame)
 
     assert_done(saga_read_file(&file, path, &error));
     assert_ok(saga_rig(&view.camera, &number, file.data, file.nbytes, 0));
-    assert_done(saga_verify_file(v, path, file.data, file.nbytes, &view,
-                                 &error));
+    assert_done(
+        saga_verify_file(v, path, file.data, file.nbytes, &view, &error));
 }
 
 static const saga_verify_row *row_of(const saga_verify *v, int stage,
@@ -127,8 +127,7 @@ TEST(demo_should_be_near_double_as_a_whole)
 
     verify(&v, "docs/demo.saga", 12);
     p = &v.picture[SAGA_VERIFY_SYMBOLS];
-    printf("  %.2f dB, %d level%s\n", p->psnr, p->max,
-           p->max == 1 ? "" : "s");
+    printf("  %.2f dB, %d level%s\n", p->psnr, p->max, p->max == 1 ? "" : "s");
     assert_true(v.n_splats > 1000);
     assert_true(p->psnr > 61);
     assert_true(p->max <= 2);
@@ -153,8 +152,8 @@ TEST(bad_files_should_be_refused)
 
         snprintf(path, sizeof path, "vectors/bad/%s.saga", name[i]);
         assert_true(saga_read_file(&file, path, &error));
-        assert_false(saga_verify_file(&v, path, file.data, file.nbytes, &view,
-                                      &error));
+        assert_false(
+            saga_verify_file(&v, path, file.data, file.nbytes, &view, &error));
         assert_non_null(strstr(error.message, path));
     }
 }

@@ -31,7 +31,7 @@ static int tear_down(void **state)
 
 TEST_GROUP(set_up, tear_down);
 
-static void world_of(double x[3], const saga_shot *v, double u, double w,
+static void world_of(double x[3], const saga_source_view *v, double u, double w,
                      double z)
 {
     const double cam[3] = { (u - v->cx) / v->fx * z - v->translation[0],
@@ -82,7 +82,7 @@ TEST(cube_should_hold_what_there_is_to_see)
             assert_true(in_cube(&cube, x, 1.05));
         }
         assert_true(range[0] > 0 && cube.unit < 40);
-        c.n_points = 0;    /* then the cameras determine the cube */
+        c.n_points = 0; /* then the cameras determine the cube */
     }
 }
 
@@ -120,7 +120,7 @@ TEST(cube_should_be_as_large_as_what_two_views_share)
     for (uint64_t i = 0; i < 60000; i++) {
         const int v = (int)(i % VIEWS);
         const double z = range[2 * v] + saga_rng_double(r, 3 * i) *
-                         (range[2 * v + 1] - range[2 * v]);
+                                            (range[2 * v + 1] - range[2 * v]);
         double x[3];
 
         world_of(x, c->views + v, W * saga_rng_double(r, 3 * i + 1),
@@ -140,7 +140,7 @@ TEST(cube_should_be_as_large_as_what_two_views_share)
 TEST(cube_should_believe_the_depths_of_the_capture)
 {
     saga_capture c = capture;
-    saga_shot views[VIEWS];
+    saga_source_view views[VIEWS];
     double range[2 * VIEWS];
     saga_cube cube;
 
@@ -163,7 +163,7 @@ TEST(cube_should_believe_the_depths_of_the_capture)
 TEST(camera_should_see_the_cube_as_the_view_the_world)
 {
     const saga_capture *const c = &capture;
-    const saga_shot *const v = c->views + 3;
+    const saga_source_view *const v = c->views + 3;
     const saga_cube cube = { { 0.5, -1, 2 }, 3 };
     double range[2 * VIEWS] = { [2 * 3] = 0.75 };
     const saga_pictures p = { .capture = c, .cube = cube, .range = range };
@@ -176,7 +176,8 @@ TEST(camera_should_see_the_cube_as_the_view_the_world)
     assert_true(saga_view_project(v, x, uv, &z));
     saga_pictures_camera(&s, &p, (saga_sample){ 3, 0, 1 });
     for (int i = 0; i < 3; i++)
-        cam[i] = (double)s.rotation[3 * i] * (half[0] - (double)s.centre[0]) +
+        cam[i] =
+            (double)s.rotation[3 * i] * (half[0] - (double)s.centre[0]) +
             (double)s.rotation[3 * i + 1] * (half[1] - (double)s.centre[1]) +
             (double)s.rotation[3 * i + 2] * (half[2] - (double)s.centre[2]);
     assert_near(cam[2], z / 3, 1e-6);

@@ -11,10 +11,10 @@
 
 enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 2 };
 
-#define DISTANCE 4.0             /* distance of all cameras from the origin */
+#define DISTANCE 4.0 /* distance of all cameras from the origin */
 
 /* Makes a camera at an angle and a height of 0 that looks at the origin. */
-static void look(saga_shot *s, double angle)
+static void look(saga_source_view *s, double angle)
 {
     const double c = cos(angle), d = sin(angle);
     const double r[9] = { c, 0, -d, 0, 1, 0, d, 0, c };
@@ -28,7 +28,7 @@ static void look(saga_shot *s, double angle)
 
 typedef struct {
     saga_capture capture;
-    saga_shot views[VIEWS];
+    saga_source_view views[VIEWS];
     uint8_t rgb[FRAMES * W * H * 3];
     saga_pictures pictures;
 } fixture;
@@ -38,19 +38,26 @@ static fixture *make(double step)
 {
     fixture *const f = zeroed(1, sizeof *f);
 
-    f->capture = (saga_capture){ .n_views = VIEWS, .n_frames = FRAMES,
-                                 .fps = 25, .views = f->views };
+    f->capture = (saga_capture){
+        .n_views = VIEWS, .n_frames = FRAMES, .fps = 25, .views = f->views
+    };
     /* No two neighbouring pixels are equal, so that no colour is taken for the
      * background. */
     for (size_t i = 0; i < sizeof f->rgb; i++)
         f->rgb[i] = (uint8_t)(100 + i * 37 % 56);
     for (int v = 0; v < VIEWS; v++) {
-        saga_shot *const s = &f->views[v];
+        saga_source_view *const s = &f->views[v];
 
-        *s = (saga_shot){ .width = W, .height = H, .fx = 30, .fy = 30,
-                          .cx = W / 2.0, .cy = H / 2.0, .near_depth = 2,
-                          .far_depth = 8, .held_out = v == HELD_OUT,
-                          .rgb = f->rgb };
+        *s = (saga_source_view){ .width = W,
+                                 .height = H,
+                                 .fx = 30,
+                                 .fy = 30,
+                                 .cx = W / 2.0,
+                                 .cy = H / 2.0,
+                                 .near_depth = 2,
+                                 .far_depth = 8,
+                                 .held_out = v == HELD_OUT,
+                                 .rgb = f->rgb };
         look(s, step * v);
     }
     assert_done(saga_pictures_init(&f->pictures, &f->capture, &error));
@@ -74,12 +81,13 @@ static saga_novel placed(const fixture *f)
 /* --- Cameras ------------------------------------------------------------- */
 
 /* Returns the distance of a place from the segment between two cameras. */
-static double off(const double x[3], const saga_shot *a, const saga_shot *b)
+static double off(const double x[3], const saga_source_view *a,
+                  const saga_source_view *b)
 {
     double p[3], q[3], along = 0, length = 0, sum = 0;
 
-    saga_shot_centre(p, a);
-    saga_shot_centre(q, b);
+    saga_source_view_centre(p, a);
+    saga_source_view_centre(q, b);
     for (int i = 0; i < 3; i++) {
         along += (x[i] - p[i]) * (q[i] - p[i]);
         length += (q[i] - p[i]) * (q[i] - p[i]);
@@ -105,13 +113,13 @@ TEST(cameras_should_stand_between_training_views)
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     int n[5] = { 0 };
 
-    assert_int_equal(o.n_shots, 15);
-    for (int i = 0; i < o.n_shots; i++) {
-        const double *const r = o.shot[i].rotation;
+    assert_int_equal(o.n_views, 15);
+    for (int i = 0; i < o.n_views; i++) {
+        const double *const r = o.view[i].rotation;
         double x[3], ahead = 0, length = 0;
         int at = -1;
 
-        saga_shot_centre(x, &o.shot[i]);
+        saga_source_view_centre(x, &o.view[i]);
         for (int k = 0; k < 5; k++)
             if (off(x, &f->views[pair[k][0]], &f->views[pair[k][1]]) < 1e-9)
                 at = k;
@@ -147,7 +155,7 @@ TEST(rotation_should_be_shared_evenly)
 
     /* The first pair is that of cameras 0 and 1, 0.22 apart. */
     for (int i = 0; i < 3; i++)
-        assert_true(fabs(atan2(o.shot[i].rotation[6], o.shot[i].rotation[8]) -
+        assert_true(fabs(atan2(o.view[i].rotation[6], o.view[i].rotation[8]) -
                          0.22 * part[i]) < 1e-12);
     drop(f);
 }
@@ -160,8 +168,8 @@ TEST(cameras_should_not_know_held_out_views)
     /* The place and the pictures of the held-out camera must not matter. */
     look(&f->views[HELD_OUT], -1.1);
     b = placed(f);
-    assert_int_equal(a.n_shots, b.n_shots);
-    assert_memory_equal(a.shot, b.shot, (size_t)a.n_shots * sizeof *a.shot);
+    assert_int_equal(a.n_views, b.n_views);
+    assert_memory_equal(a.view, b.view, (size_t)a.n_views * sizeof *a.view);
     saga_novel_free(&a);
     saga_novel_free(&b);
     drop(f);
@@ -176,17 +184,17 @@ TEST(cameras_should_stand_where_views_are_far_apart)
     fixture *f = make(0.18);
     saga_novel o = placed(f);
 
-    assert_int_equal(o.n_shots, 15);
+    assert_int_equal(o.n_views, 15);
     saga_novel_free(&o);
     drop(f);
     f = make(0.17);
     o = placed(f);
-    assert_int_equal(o.n_shots, 0);
+    assert_int_equal(o.n_views, 0);
     saga_novel_free(&o);
     drop(f);
     f = make(0.9);
     o = placed(f);
-    assert_int_equal(o.n_shots, 0);
+    assert_int_equal(o.n_views, 0);
     saga_novel_free(&o);
     drop(f);
 }
@@ -196,8 +204,8 @@ TEST(cameras_should_stand_where_views_are_far_apart)
 /* Makes a ball before the cameras that fills their pictures with one colour. */
 static void ball(saga_splat_params *p, real red)
 {
-    assert_done(saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1,
-                                  &error));
+    assert_done(
+        saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1, &error));
     p->quat[0] = 1;
     p->opacity[0] = 12;
     for (int k = 0; k < 3; k++)
@@ -225,14 +233,14 @@ TEST(others_should_keep_their_order)
     int moments = 0;
 
     for (uint64_t i = 0; i < 20; i++)
-        assert_false(saga_novel_is(&f->pictures,
-                                   saga_novel_pick(&f->pictures, r, i)));
+        assert_false(
+            saga_novel_is(&f->pictures, saga_novel_pick(&f->pictures, r, i)));
     f->pictures.novel = &o;
     for (uint64_t i = 0; i < 1000; i++) {
         const saga_sample s = saga_novel_pick(&f->pictures, r, i);
 
         if (saga_novel_is(&f->pictures, s)) {
-            assert_in_range(s.view, VIEWS, VIEWS + o.n_shots - 1);
+            assert_in_range(s.view, VIEWS, VIEWS + o.n_views - 1);
             assert_in_range(s.frame, 0, FRAMES - 1);
             moments |= 1 << s.frame;
         } else {
@@ -285,10 +293,8 @@ TEST(truth_should_be_the_mean_of_the_teachers)
             teach(&o, R(0.25));
         if (k != 0)
             teach(&o, R(0.75));
-        assert_done(saga_novel_show(&canvas, &f->pictures, (saga_sample){ VIEWS,
-                                                                          1,
-                                                                         0 },
-                                    &error));
+        assert_done(saga_novel_show(&canvas, &f->pictures,
+                                    (saga_sample){ VIEWS, 1, 0 }, &error));
         assert_int_equal(canvas.n_unseen, 0);
         red[k] = canvas.truth[middle];
         assert_true(canvas.truth[middle + plane] > R(0.4));
@@ -314,9 +320,8 @@ static double distance_of(const fixture *f, saga_flat *flat,
 
     pictures.novel = (saga_novel *)(uintptr_t)o;
     assert_done(saga_pictures_canvas(&canvas, &pictures, &error));
-    assert_done(saga_novel_show(&canvas, &pictures, (saga_sample){ VIEWS, 0,
-                                                                   0 },
-                                &error));
+    assert_done(saga_novel_show(&canvas, &pictures,
+                                (saga_sample){ VIEWS, 0, 0 }, &error));
     assert_done(saga_splat_forward(&canvas, &p, saga_flat_count(flat), &error));
     mse = saga_canvas_mse(&canvas);
     return mse;

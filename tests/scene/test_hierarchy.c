@@ -65,8 +65,8 @@ static void flat_cluster(flat *f)
         const uint32_t c = (uint32_t)(7 * uniform(&f->seed));
 
         for (uint32_t k = 0; k < 3; k++)
-            f->p.mean[3 * i + k] = (real)(centre[c][k] + size[c] *
-                                          (uniform(&f->seed) - 0.5));
+            f->p.mean[3 * i + k] = (real)(centre[c][k] +
+                                          size[c] * (uniform(&f->seed) - 0.5));
     }
 }
 
@@ -88,10 +88,12 @@ static void model_make(saga_model *m, uint32_t tools)
     m->octaves = 2;
     m->lambda_t_q8 = 256;
     for (int i = 0; i < SAGA_N_TIERS; i++)
-        m->tier[i] = (saga_tier){
-            .n_groups = 8, .window = 2, .neighbours = 2, .suffix_bits = 4,
-            .radius2_q12 = 4 << 12, .softmax_q8 = 739
-        };
+        m->tier[i] = (saga_tier){ .n_groups = 8,
+                                  .window = 2,
+                                  .neighbours = 2,
+                                  .suffix_bits = 4,
+                                  .radius2_q12 = 4 << 12,
+                                  .softmax_q8 = 739 };
     m->tier[SAGA_TIER_COARSE].max_children = 16;
     m->tier[SAGA_TIER_FINE].max_children = 10;
     for (int i = 0; i < SAGA_N_STEPS; i++)
@@ -175,8 +177,7 @@ static uint32_t suffix_of(const saga_scene *s, uint32_t rank)
 
 static void symbols_make(saga_symbols *s, const saga_scene *scene)
 {
-    recorder_alloc_symbols(s, scene->n, scene->model.features,
-                           scene->n_nodes);
+    recorder_alloc_symbols(s, scene->n, scene->model.features, scene->n_nodes);
     s->n_nodes = scene->n_nodes;
     memcpy(s->split, scene->split, scene->n_nodes);
     memcpy(s->occupancy, scene->occupancy, 2u * scene->n_nodes);
@@ -218,7 +219,8 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     saga_nets nets;
     FREED_BY(saga_scaffold_free) saga_scaffold sc;
     FREED uint8_t *params;
-    lookup c = { .coder.residual = zero_residual, .coder.adaptive = look_up,
+    lookup c = { .coder.residual = zero_residual,
+                 .coder.adaptive = look_up,
                  .s = symbols };
 
     saga_nets_layout(&nets, &s->model);
@@ -260,8 +262,11 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     uint32_t final_range[3];
     FREED uint8_t *bytes;
     size_t n;
-    saga_header h = { .model = s->model, .level = 3, .fps_num = 30,
-                      .fps_den = 1, .unit_mantissa = 1 };
+    saga_header h = { .model = s->model,
+                      .level = 3,
+                      .fps_num = 30,
+                      .fps_den = 1,
+                      .unit_mantissa = 1 };
 
     saga_nets_layout(&shapes, &s->model);
     recorder_alloc_nets(&nets, &shapes);
@@ -312,8 +317,7 @@ static void check_leaf(const saga_scene *s, uint32_t rank)
         const real *const x = s->fine_x + 4 * i;
 
         assert_int_equal(s->fine[i].parent, rank);
-        assert_in_range(s->fine[i].n_prim, 1,
-                        l[SAGA_TIER_FINE].max_children);
+        assert_in_range(s->fine[i].n_prim, 1, l[SAGA_TIER_FINE].max_children);
         check_inside(s, x, c);
         for (int k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
@@ -459,8 +463,9 @@ static double spread(void)
 
     for (uint32_t i = 0; i < s.n.prim; i++)
         for (int k = 0; k < 3; k++) {
-            const double d = (double)(s.prim_x[4 * i + (uint32_t)k] -
-                s.fine_x[4 * s.prim_fine[i] + (uint32_t)k]);
+            const double d =
+                (double)(s.prim_x[4 * i + (uint32_t)k] -
+                         s.fine_x[4 * s.prim_fine[i] + (uint32_t)k]);
 
             sum += d * d;
         }
@@ -504,7 +509,7 @@ static void model_vary(saga_model *m, uint64_t *seed)
     saga_tier *const l = m->tier;
 
     model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_PICTURE + 1)) &
-                  SAGA_TOOLS_PICTURE);
+                      SAGA_TOOLS_PICTURE);
     l[0].suffix_bits = (uint8_t)(uniform(seed) * 9);
     l[0].max_children = (uint8_t)(1 + uniform(seed) * 16);
     l[1].max_children = (uint8_t)(1 + uniform(seed) * 16);
@@ -557,8 +562,8 @@ static void given_moving(int varies)
         f.p.log2_width[i] = -4;
         f.p.motion[9 * i] = 1;
         for (uint32_t k = 0; k < 3; k++)
-            f.p.mean[3 * i + k] =
-                (real)(-0.7 + 0.1 * (double)f.p.mean[3 * i + k]);
+            f.p.mean[3 * i + k] = (real)(-0.7 +
+                                         0.1 * (double)f.p.mean[3 * i + k]);
         if (varies)
             f.p.mean[3 * i] += f.p.t_centre[i];
         else
@@ -701,9 +706,8 @@ TEST(hierarchy_should_find_crowds_with_medoids)
         const uint32_t crowd = i % 5;
 
         for (uint32_t k = 0; k < 3; k++)
-            f.p.mean[3 * i + k] =
-                (real)(0.2 + 0.15 * crowd +
-                       0.02 * (double)f.p.mean[3 * i + k]);
+            f.p.mean[3 * i + k] = (real)(0.2 + 0.15 * crowd +
+                                         0.02 * (double)f.p.mean[3 * i + k]);
     }
     limit(0, 1, 5);
     build();

@@ -58,10 +58,10 @@ static void check_division(const saga_medoid_division *v, uint32_t room)
     }
     for (uint32_t j = 0; j < v->n; j++)
         for (uint32_t i = 0; i < v->k; i++)
-            assert_true(v->medoid[v->of[j]] == j ||
-                        distance_to(v, j, v->of[j]) <= distance_to(v, j, i) ||
-                        (count[i] == room &&
-                         farthest[i] <= distance_to(v, j, i)));
+            assert_true(
+                v->medoid[v->of[j]] == j ||
+                distance_to(v, j, v->of[j]) <= distance_to(v, j, i) ||
+                (count[i] == room && farthest[i] <= distance_to(v, j, i)));
 }
 
 TEST(medoids_should_take_whom_they_have_room_for)
@@ -122,7 +122,7 @@ static void check_shares(const saga_share *s, const uint32_t *given, uint32_t n)
         for (uint32_t j = 0; j < n; j++)
             assert_true(given[i] == s[i].lo || given[j] == s[j].hi ||
                         (given[i] - 1) / s[i].want <=
-                        (given[j] + 1) / s[j].want * (1 + 1e-9));
+                            (given[j] + 1) / s[j].want * (1 + 1e-9));
     }
 }
 
@@ -157,7 +157,8 @@ TEST(budget_should_be_shared_by_want)
  * which must go to the two largest remainders. */
 TEST(budget_should_go_to_the_largest_remainders)
 {
-    saga_share s[] = { { .want = 1, .hi = 9 }, { .want = 2, .hi = 9 },
+    saga_share s[] = { { .want = 1, .hi = 9 },
+                       { .want = 2, .hi = 9 },
                        { .want = 4, .hi = 9 } };
     uint32_t given[3];
 

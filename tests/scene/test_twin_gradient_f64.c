@@ -24,10 +24,13 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
     for (int i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = SAGA_SOURCE_HYPER;
     for (int i = 0; i < SAGA_N_TIERS; i++)
-        m->tier[i] = (saga_tier){
-            .n_groups = 2, .window = 8, .neighbours = 4, .suffix_bits = 4,
-            .max_children = 8, .radius2_q12 = 65535, .softmax_q8 = 739
-        };
+        m->tier[i] = (saga_tier){ .n_groups = 2,
+                                  .window = 8,
+                                  .neighbours = 4,
+                                  .suffix_bits = 4,
+                                  .max_children = 8,
+                                  .radius2_q12 = 65535,
+                                  .softmax_q8 = 739 };
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 12;
@@ -132,8 +135,8 @@ static void shift(saga_twin *w, saga_scene *s)
 static double correction_loss(const saga_twin *w, const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_RES];
-    const size_t n = net->n_layers
-        ? N_PRIM * (size_t)net->dim[net->n_layers] : 0;
+    const size_t n = net->n_layers ? N_PRIM * (size_t)net->dim[net->n_layers]
+                                   : 0;
     double sum = 0;
 
     for (size_t i = 0; i < n; i++)
@@ -247,12 +250,12 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
     w.correction_price = 0.7;
     assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
     assert_int_equal(!w.attr.motion && !w.attr.slope && !w.attr.t_centre &&
-                     !w.attr.log2_width, still ||
-                     !(tools & SAGA_TOOLS_TIME));
+                         !w.attr.log2_width,
+                     still || !(tools & SAGA_TOOLS_TIME));
     gradient(&w, &d, &s);
     check_range(&w, &s, &d, s.coarse_feature, 2u * s.model.features, 1);
-    check_range(&w, &s, &d, s.params,
-                s.n_reals - (size_t)(s.params - s.reals), 3);
+    check_range(&w, &s, &d, s.params, s.n_reals - (size_t)(s.params - s.reals),
+                3);
     saga_scene_free(&s);
     saga_scene_free(&d);
 }

@@ -136,16 +136,18 @@ static double error_to_book(fixture *f, double unsure)
                 worst = fmax(worst, fabs((double)f->c.image[at] - image[at]));
             }
     printf("  %zu primitives, %u visible, %zu pairs, %zu of %zu pixels "
-           "unsure: largest error %.1e\n", f->n, f->c.splat.n_visible,
-           f->c.splat.n_pairs, n_skipped, f->plane, worst);
+           "unsure: largest error %.1e\n",
+           f->n, f->c.splat.n_visible, f->c.splat.n_pairs, n_skipped, f->plane,
+           worst);
     assert_true((double)n_skipped <= unsure * (double)f->plane);
     return worst;
 }
 
 TEST(splat_should_draw_the_norms_picture)
 {
-    static const int size[4][2] = { { 160, 90 }, { 37, 29 }, { 16, 16 },
-                                    { 1, 1 } };
+    static const int size[4][2] = {
+        { 160, 90 }, { 37, 29 }, { 16, 16 }, { 1, 1 }
+    };
 
     for (int i = 0; i < 4; i++) {
         fixture *const f = new_fixture(600, size[i][0], size[i][1],
@@ -258,8 +260,7 @@ TEST(splat_should_draw_background_when_empty)
     backward(f, NULL);
     for (size_t i = 0; i < f->plane; i++) {
         assert_true(f->c.image[i] == f->c.camera.background[0]);
-        assert_true(f->c.image[2 * f->plane + i] ==
-                    f->c.camera.background[2]);
+        assert_true(f->c.image[2 * f->plane + i] == f->c.camera.background[2]);
     }
     free_fixture(f);
 }

@@ -12,8 +12,13 @@
 #include <omp.h>
 
 enum {
-    N = 500, W = 96, H = 64, PLANE = W * H,
-    CAMERAS = 8, TIMES = 5, VIEWS = CAMERAS * TIMES,
+    N = 500,
+    W = 96,
+    H = 64,
+    PLANE = W * H,
+    CAMERAS = 8,
+    TIMES = 5,
+    VIEWS = CAMERAS * TIMES,
     STEPS = 500
 };
 
@@ -119,21 +124,23 @@ static void learn(fit *f, int view)
 static void adam_step(fit *f, uint64_t step)
 {
     static const float rate[SAGA_N_ATTRS] = {
-        [SAGA_ATTR_MEAN] = 0.004f, [SAGA_ATTR_QUAT] = 0.02f,
+        [SAGA_ATTR_MEAN] = 0.004f,      [SAGA_ATTR_QUAT] = 0.02f,
         [SAGA_ATTR_LOG2_SCALE] = 0.02f, [SAGA_ATTR_OPACITY] = 0.06f,
-        [SAGA_ATTR_COLOUR] = 0.01f, [SAGA_ATTR_MOTION] = 0.02f,
-        [SAGA_ATTR_SLOPE] = 0.02f, [SAGA_ATTR_T_CENTRE] = 0.005f,
+        [SAGA_ATTR_COLOUR] = 0.01f,     [SAGA_ATTR_MOTION] = 0.02f,
+        [SAGA_ATTR_SLOPE] = 0.02f,      [SAGA_ATTR_T_CENTRE] = 0.005f,
         [SAGA_ATTR_LOG2_WIDTH] = 0.02f
     };
     const saga_adam adam = saga_adam_default();
     saga_adam_tensor t[SAGA_N_ATTRS];
 
     for (int k = 0; k < SAGA_N_ATTRS; k++)
-        t[k] = (saga_adam_tensor){
-            saga_attributes[k].name, f->p.of[k], f->d.of[k],
-            f->m.of[k], f->v.of[k],
-            N * (size_t)saga_attributes[k].width, rate[k]
-        };
+        t[k] = (saga_adam_tensor){ saga_attributes[k].name,
+                                   f->p.of[k],
+                                   f->d.of[k],
+                                   f->m.of[k],
+                                   f->v.of[k],
+                                   N * (size_t)saga_attributes[k].width,
+                                   rate[k] };
     assert_true(saga_adam_update(&adam, t, SAGA_N_ATTRS, step, &error));
     for (int k = 0; k < 3 * N; k++)
         f->p.colour[k] = saga_clamp(f->p.colour[k], 0, 1);

@@ -80,8 +80,7 @@ static saga_camera round_camera(saga_splat_camera *cam)
     }
     for (int i = 0; i < 2; i++) {
         c.focal_q16[i] = (int32_t)lround((double)cam->focal[i] * 65536);
-        c.principal_q16[i] = (int32_t)lround((double)cam->principal[i] *
-                                             65536);
+        c.principal_q16[i] = (int32_t)lround((double)cam->principal[i] * 65536);
     }
     c.near_plane = (int32_t)lround((double)cam->near_plane * UNIT);
     cam->near_plane = (real)c.near_plane;
@@ -95,19 +94,25 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
                           const saga_splat_params *p, uint32_t n,
                           const saga_camera *cam, uint32_t tools)
 {
-    static const saga_prim_format format = {
-        .q_quat = Q_QUAT, .q_slope = Q_QUAT, .q_opacity = Q_OPACITY,
-        .q_motion = { Q_MOTION, Q_MOTION, Q_MOTION }, .motion_order = 3,
-        .has_slope = 1, .has_width = 1
-    };
+    static const saga_prim_format format = { .q_quat = Q_QUAT,
+                                             .q_slope = Q_QUAT,
+                                             .q_opacity = Q_OPACITY,
+                                             .q_motion = { Q_MOTION, Q_MOTION,
+                                                           Q_MOTION },
+                                             .motion_order = 3,
+                                             .has_slope = 1,
+                                             .has_width = 1 };
     FREED saga_splat *const s = calloc(n, sizeof *s);
     FREED saga_key *const keys = calloc(2 * n, sizeof *keys);
     saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best(), tools };
     const size_t nbytes = 1u << 22;
     const saga_picture pic = { rgb, 6u * cam->width,
                                6u * (size_t)cam->width * cam->height, 16 };
-    saga_job job = { .x1 = cam->width, .y1 = cam->height, .tile = 16,
-                     .list_capacity = LIST, .scratch = malloc(nbytes),
+    saga_job job = { .x1 = cam->width,
+                     .y1 = cam->height,
+                     .tile = 16,
+                     .list_capacity = LIST,
+                     .scratch = malloc(nbytes),
                      .scratch_nbytes = nbytes };
     uint32_t m = 0;
 
@@ -152,8 +157,7 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     /* The decoder's picture of the rounded primitives. */
     camera = round_camera(&cam);
     assert_ok(saga_camera_check(&camera));
-    draw_integers(rgb, prim, &p, n, &camera,
-                  is_steep ? SAGA_TOOL_STEEP : 0);
+    draw_integers(rgb, prim, &p, n, &camera, is_steep ? SAGA_TOOL_STEEP : 0);
     /* The trainer's picture is drawn and compared. */
     assert_true(saga_canvas_init(&canvas, plane, &error));
     canvas.camera = cam;
@@ -170,8 +174,9 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
         }
     mse = -10 * log10(mse);
     printf("  %u %sprimitives, %u visible, stretch 2^%g: %.1f dB, largest "
-           "difference %.2f of 255\n", n, is_steep ? "steep " : "",
-           canvas.splat.n_visible, stretch, mse, 255 * worst);
+           "difference %.2f of 255\n",
+           n, is_steep ? "steep " : "", canvas.splat.n_visible, stretch, mse,
+           255 * worst);
     return mse;
 }
 

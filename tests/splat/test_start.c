@@ -122,12 +122,14 @@ static saga_splat_params make_primitives(void)
 
 static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
 {
-    c->camera = (saga_splat_camera){
-        .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .centre = { 0, 0, -2 },
-        .focal = { SIDE, SIDE }, .principal = { SIDE / 2, SIDE / 2 },
-        .near_plane = R(0.1), .width = SIDE, .height = SIDE
-    };
-    c->rules.cut = 30;           /* nothing jumps across it */
+    c->camera = (saga_splat_camera){ .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                     .centre = { 0, 0, -2 },
+                                     .focal = { SIDE, SIDE },
+                                     .principal = { SIDE / 2, SIDE / 2 },
+                                     .near_plane = R(0.1),
+                                     .width = SIDE,
+                                     .height = SIDE };
+    c->rules.cut = 30; /* nothing jumps across it */
     c->t = R(0.4);
     assert_done(saga_splat_forward(c, p, N, &error));
     memcpy(image, c->image, 3 * SIDE * SIDE * sizeof *image);

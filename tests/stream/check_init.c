@@ -42,9 +42,15 @@
  * (work_block.h). STACK_NBYTES is more than twice the stack of any public
  * function. The other numbers limit how much of a file is played. */
 enum {
-    PAINT = 0xb5, STACK_NBYTES = 8192, DECODER_NBYTES = 768,
-    MAX_WORK = 32 << 20, MAX_SEGMENTS = 3, MAX_CAMERAS = 2, MAX_TAPS = 100,
-    WIDTH = 50, HEIGHT = 38
+    PAINT = 0xb5,
+    STACK_NBYTES = 8192,
+    DECODER_NBYTES = 768,
+    MAX_WORK = 32 << 20,
+    MAX_SEGMENTS = 3,
+    MAX_CAMERAS = 2,
+    MAX_TAPS = 100,
+    WIDTH = 50,
+    HEIGHT = 38
 };
 #define MAX_MACS 100000000u
 
@@ -98,8 +104,7 @@ static void note(player *p, const char *what, uint32_t value)
 }
 
 /* Notes n bytes of output, which have no padding. */
-static void note_bytes(player *p, const char *what, const void *bytes,
-                       size_t n)
+static void note_bytes(player *p, const char *what, const void *bytes, size_t n)
 {
 #ifdef POISONED
     __msan_check_mem_is_initialized(bytes, n);
@@ -194,9 +199,12 @@ static void draw(player *p, const saga_camera *c, const division *d)
     static _Alignas(8) uint8_t pixels[WIDTH * HEIGHT * sizeof(saga_depth)];
     const size_t n = SAGA_JOB_NBYTES(d->tile, d->list) * d->n_scratch;
     uint8_t *const scratch = must(malloc(n));
-    saga_job job = { .x0 = c->width / 3, .y0 = c->height / 3,
-                     .tile = d->tile, .list_capacity = d->list,
-                     .scratch = scratch, .scratch_nbytes = n };
+    saga_job job = { .x0 = c->width / 3,
+                     .y0 = c->height / 3,
+                     .tile = d->tile,
+                     .list_capacity = d->list,
+                     .scratch = scratch,
+                     .scratch_nbytes = n };
     saga_picture picture = { .rgb = pixels, .bits = d->bits };
     uint32_t n_calls = 0;
     saga_status s;
@@ -242,10 +250,10 @@ static void note_splats(player *p)
 
 static void look(player *p, const saga_camera *c, int32_t t)
 {
-    static const division divisions[] = {
-        { 8, 7, 1, 97, 8 }, { 16, 300, 4, 1000, 16 },
-        { 32, 60, 2, 333, SAGA_DEPTH }, { 64, 5000, 1, 1u << 30, 8 }
-    };
+    static const division divisions[] = { { 8, 7, 1, 97, 8 },
+                                          { 16, 300, 4, 1000, 16 },
+                                          { 32, 60, 2, 333, SAGA_DEPTH },
+                                          { 64, 5000, 1, 1u << 30, 8 } };
 
     forget_anchors(p);
     paint_stack(p);
@@ -259,9 +267,13 @@ static void look(player *p, const saga_camera *c, int32_t t)
 /* The camera for a file without one, or with one that no view accepts. */
 static const saga_camera plain_camera = {
     .rotation_q30 = { 1 << 30, 0, 0, 0, 1 << 30, 0, 0, 0, 1 << 30 },
-    .centre = { 0, 0, -(1 << 24) }, .focal_q16 = { 100 << 16, 100 << 16 },
-    .principal_q16 = { 48 << 16, 32 << 16 }, .near_plane = 1, .width = 96,
-    .height = 64, .background_q15 = { 1, 2, 32768 }
+    .centre = { 0, 0, -(1 << 24) },
+    .focal_q16 = { 100 << 16, 100 << 16 },
+    .principal_q16 = { 48 << 16, 32 << 16 },
+    .near_plane = 1,
+    .width = 96,
+    .height = 64,
+    .background_q15 = { 1, 2, 32768 }
 };
 
 static void look_around(player *p)
@@ -275,8 +287,9 @@ static void look_around(player *p)
         paint(p, &number, sizeof number);
         note_status(p, "status of the rig",
                     saga_rig(&c, &number, p->bytes, p->n, i));
-        note_bytes(p, "camera", &c, offsetof(saga_camera, background_q15) +
-                                    sizeof c.background_q15);
+        note_bytes(p, "camera", &c,
+                   offsetof(saga_camera, background_q15) +
+                       sizeof c.background_q15);
         note_bytes(p, "number of a camera", &number, sizeof number);
         look(p, &c, times[i]);
     }
@@ -297,9 +310,9 @@ static void note_primitives(player *p)
                          saga_primitive_at(&a, p->dec, i, 50000)))
             note_bytes(p, "primitive", &a, sizeof a);
         prepare(p, colour, sizeof colour);
-        if (!note_status(p, "status of a colour",
-                         saga_colour_at(colour, p->dec, i,
-                                        plain_camera.centre)))
+        if (!note_status(
+                p, "status of a colour",
+                saga_colour_at(colour, p->dec, i, plain_camera.centre)))
             note_bytes(p, "colour", colour, sizeof colour);
     }
 }
@@ -354,8 +367,8 @@ static void play_segments(player *p)
         if (note_status(p, "status of finding",
                         saga_find(&seg, p->bytes, p->n, frame, 1)))
             return;
-        note_bytes(p, "segment", &seg, offsetof(saga_segment, n_frames) +
-                                       sizeof seg.n_frames);
+        note_bytes(p, "segment", &seg,
+                   offsetof(saga_segment, n_frames) + sizeof seg.n_frames);
         note_bytes(p, "place of a segment", &seg.offset,
                    offsetof(saga_segment, t) + sizeof seg.t -
                        offsetof(saga_segment, offset));
@@ -412,8 +425,8 @@ static void play(player *p)
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     prepare(p, p->work, p->info.work_nbytes);
     if (!note_status(p, "status of opening",
-                     saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->n, NULL)))
+                     saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
+                               p->n, NULL)))
         play_segments(p);
     free(p->work);
 }
@@ -427,8 +440,7 @@ static int is_same(const char *name, const player *a, const player *b)
 {
     size_t i = 0;
 
-    while (i < a->n_log && i < b->n_log &&
-           a->log[i].value == b->log[i].value)
+    while (i < a->n_log && i < b->n_log && a->log[i].value == b->log[i].value)
         i++;
     if (i == a->n_log && i == b->n_log)
         return 1;
@@ -450,7 +462,7 @@ static int check(const char *name, const uint8_t *bytes, size_t n)
 
 #ifdef POISONED
     printf("%s, %s\n", name, path_text[path]);
-    fflush(stdout);          /* the sanitizer ends the program */
+    fflush(stdout); /* the sanitizer ends the program */
 #else
     play(&paint);
 #endif

@@ -94,8 +94,8 @@ static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
     /* A file may be cut behind a layer. */
     for (n_layers = 0; n_layers < saga_n_layers(&h); n_layers++)
         if (!recorder_read(&nets[n_layers], &s[n_layers],
-                           RECORDER_LAYER(number, n_layers), final_range,
-                           bytes, n))
+                           RECORDER_LAYER(number, n_layers), final_range, bytes,
+                           n))
             break;
     ok = n_layers > 0 &&
          (!has_base || recorder_read(&nets[SAGA_MAX_LAYERS], &base,
@@ -139,8 +139,7 @@ static int check_good(const char *name, const uint8_t *bytes, size_t n,
     return ok;
 }
 
-static int check_bad(const char *name, const uint8_t *bytes, size_t n,
-                     int want)
+static int check_bad(const char *name, const uint8_t *bytes, size_t n, int want)
 {
     saga_stages got;
     const saga_status s = saga_stages_of(&got, bytes, n, 0, 0, 0, pixels,
@@ -175,13 +174,16 @@ static int check_line(const char *dir, const char *line)
     size_t n = 0;
     const int is_bad = sscanf(line, "%255s status %d", name, &status) == 2;
     const int is_sound = !is_bad &&
-        sscanf(line, "%255s sound %d", name, &status) == 2;
+                         sscanf(line, "%255s sound %d", name, &status) == 2;
     const int is_good = !is_bad && !is_sound &&
-        sscanf(line, "%255s %u %" SCNx32 " %" SCNx32 " %" SCNx32 " %" SCNx32
-               " %d %u %" SCNx32 " %" SCNx32 " %" SCNx32, name, &number,
-               &w.symbols, &w.final_range[0], &w.final_range[1],
-               &w.final_range[2], &t, &camera, &w.primitives, &w.splats,
-               &w.frame) == 11;
+                        sscanf(line,
+                               "%255s %u %" SCNx32 " %" SCNx32 " %" SCNx32
+                               " %" SCNx32 " %d %u %" SCNx32 " %" SCNx32
+                               " %" SCNx32,
+                               name, &number, &w.symbols, &w.final_range[0],
+                               &w.final_range[1], &w.final_range[2], &t,
+                               &camera, &w.primitives, &w.splats,
+                               &w.frame) == 11;
 
     if (!is_bad && !is_sound && !is_good) {
         printf("FAIL MANIFEST: cannot read the line: %s", line);
@@ -191,9 +193,9 @@ static int check_line(const char *dir, const char *line)
     if (!bytes)
         printf("FAIL %s: missing\n", name);
     else
-        ok = is_bad ? check_bad(name, bytes, n, status)
-           : is_sound ? check_sound(name, bytes, n, status)
-                    : check_good(name, bytes, n, number, t, camera, &w);
+        ok = is_bad     ? check_bad(name, bytes, n, status)
+             : is_sound ? check_sound(name, bytes, n, status)
+                        : check_good(name, bytes, n, number, t, camera, &w);
     free(bytes);
     return ok;
 }
@@ -393,8 +395,9 @@ static int edit(uint8_t **bytes, size_t *n, const char *edits)
         memcpy(out + to, *bytes + from, at - from);
         to += at - from;
         from = at + old;
-        for (edits += used; sscanf(edits, "%2x", &byte) == 1 &&
-                            *edits != ' ' && *edits != '\n'; edits += 2)
+        for (edits += used; sscanf(edits, "%2x", &byte) == 1 && *edits != ' ' &&
+                            *edits != '\n';
+             edits += 2)
             out[to++] = (uint8_t)byte;
         used = 0;
     }
@@ -422,12 +425,14 @@ static saga_status refusal(const char *kind, const uint8_t *bytes, size_t n)
     saga_naming naming;
     saga_sound sound;
 
-    return strcmp(kind, "names") == 0 ? saga_name_camera(&naming, bytes, n, 0)
-         : strcmp(kind, "sound") == 0 ? saga_find_sound(&sound, bytes, n)
-         : strcmp(kind, "exposure") == 0
-           ? saga_find_exposure(&exposure, bytes, n, 0)
-         : strcmp(kind, "last") == 0 ? find_last(bytes, n)
-         : saga_stages_of(&stages, bytes, n, 0, 0, 0, pixels, sizeof pixels);
+    return strcmp(kind, "names") == 0   ? saga_name_camera(&naming, bytes, n, 0)
+           : strcmp(kind, "sound") == 0 ? saga_find_sound(&sound, bytes, n)
+           : strcmp(kind, "exposure") == 0
+               ? saga_find_exposure(&exposure, bytes, n, 0)
+           : strcmp(kind, "last") == 0
+               ? find_last(bytes, n)
+               : saga_stages_of(&stages, bytes, n, 0, 0, 0, pixels,
+                                sizeof pixels);
 }
 
 /* Returns whether a file needs an eighth of the addresses of a machine with 32
@@ -448,7 +453,8 @@ static int check_refusal(const char *dir, const char *line)
     size_t n = 0;
 
     if (sscanf(line, "%31s %63s %15s %d %63s%n", rule, name, kind, &status,
-               file, &used) != 5 || !used) {
+               file, &used) != 5 ||
+        !used) {
         printf("FAIL REFUSALS: cannot read the line: %s", line);
         return 0;
     }
@@ -472,8 +478,8 @@ static int check_refusal(const char *dir, const char *line)
 
 /* Answers `SEGMENT T CAMERA` by the CRCs of a good file, or the status that is
  * not 0. */
-static void answer_good(const uint8_t *bytes, size_t n, unsigned number,
-                        int t, unsigned camera)
+static void answer_good(const uint8_t *bytes, size_t n, unsigned number, int t,
+                        unsigned camera)
 {
     saga_stages got;
     const saga_status s = saga_stages_of(&got, bytes, n, number, t, camera,
@@ -483,9 +489,9 @@ static void answer_good(const uint8_t *bytes, size_t n, unsigned number,
         printf("%d\n", (int)s);
     else
         printf("%08" PRIx32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
-               " %08" PRIx32 " %08" PRIx32 " %08" PRIx32 "\n", got.symbols,
-               got.final_range[0], got.final_range[1], got.final_range[2],
-               got.primitives, got.splats, got.frame);
+               " %08" PRIx32 " %08" PRIx32 " %08" PRIx32 "\n",
+               got.symbols, got.final_range[0], got.final_range[1],
+               got.final_range[2], got.primitives, got.splats, got.frame);
 }
 
 /* Answers `KIND SEGMENT T CAMERA` by the CRC of a picture, or the status that
@@ -520,9 +526,9 @@ static int answer_line(const char *kind, const char *rest, int top)
     const value_kind *const of_value = value_kind_of(kind);
     const int is_good = kind[strspn(kind, "0123456789")] == '\0';
     const int is_picture = bits_of(kind) != 0;
-    const value_kind shape = {
-        kind, of_value ? of_value->n_arguments : is_good ? 2 : 3 * is_picture
-    };
+    const value_kind shape = { kind, of_value  ? of_value->n_arguments
+                                     : is_good ? 2
+                                               : 3 * is_picture };
     int64_t a[MOST_ARGUMENTS];
     const char *const path = read_arguments(a, &shape, rest);
     size_t n = 0;
@@ -537,11 +543,11 @@ static int answer_line(const char *kind, const char *rest, int top)
         value_of(text, of_value, a, bytes, n);
         printf("%s\n", text);
     } else if (is_good) {
-        answer_good(bytes, n, (unsigned)atoi(kind), (int)a[0],
-                    (unsigned)a[1]);
+        answer_good(bytes, n, (unsigned)atoi(kind), (int)a[0], (unsigned)a[1]);
     } else if (is_picture) {
-        answer_picture(bytes, n, bits_of(kind), &(saga_stages_at){
-            (uint32_t)a[0], (int32_t)a[1], (uint32_t)a[2] });
+        answer_picture(
+            bytes, n, bits_of(kind),
+            &(saga_stages_at){ (uint32_t)a[0], (int32_t)a[1], (uint32_t)a[2] });
     } else {
         printf("%d\n", (int)refusal(kind, bytes, n));
     }
@@ -627,11 +633,11 @@ int main(int argc, char **argv)
         const char *name;
         int (*check)(const char *dir, const char *line);
         int may_lack;
-    } lists[] = {
-        { "MANIFEST", check_line, 0 }, { "PICTURES", check_picture, 1 },
-        { "BOXES", check_picture, 1 }, { "VALUES", check_value, 1 },
-        { "REFUSALS", check_refusal, 0 }
-    };
+    } lists[] = { { "MANIFEST", check_line, 0 },
+                  { "PICTURES", check_picture, 1 },
+                  { "BOXES", check_picture, 1 },
+                  { "VALUES", check_value, 1 },
+                  { "REFUSALS", check_refusal, 0 } };
     const int answers = argc > 1 && strcmp(argv[1], "--answer") == 0;
 
     if (argc < 2 || argc > 3) {

@@ -28,8 +28,9 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most,
 size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
 enum {
-    MAX_MACS = 1 << 21, MAX_SEGMENT = 8192, /* multiply-accumulates, bytes */
-    MAX_FILMS = 256                         /* that a byte selects */
+    MAX_MACS = 1 << 21,
+    MAX_SEGMENT = 8192, /* multiply-accumulates, bytes */
+    MAX_FILMS = 256     /* that a byte selects */
 };
 
 /* A film that is open, and its first segment. */
@@ -47,7 +48,8 @@ static unsigned long n_played, n_entered, n_drawn;
 static void tell(void)
 {
     printf("fuzz_segment: %u films, %lu played, %lu entered a segment, "
-           "%lu drew\n", n_films, n_played, n_entered, n_drawn);
+           "%lu drew\n",
+           n_films, n_played, n_entered, n_drawn);
 }
 
 /* Opens the film of a file; returns 0 if it is not small. */
@@ -154,8 +156,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 /* Draws one of a segment's chunks, as far as their lengths are plausible, and
  * sets its place and its length with its header. Returns the number of chunks,
  * which may be 0. */
-static size_t find_chunk(size_t *at, size_t *nbytes, const uint8_t *p,
-                         size_t n, uint64_t *r)
+static size_t find_chunk(size_t *at, size_t *nbytes, const uint8_t *p, size_t n,
+                         uint64_t *r)
 {
     size_t next = 0, n_chunks = 0;
 

@@ -59,22 +59,21 @@ static void describe_layers(const char *name, const gen_stream *g,
     saga_status s;
 
     saga_nets_layout(&nets, &g->header.model);
-    st.symbols = saga_symbols_crc(&g->nets, &nets,
-                                  g->has_base ? &g->base : NULL,
-                                  &g->segment[number *
-                                              saga_n_layers(&g->header)],
-                                  n_layers, g->header.model.features);
-    s = saga_stages_of(&st, bytes, n, number, t, camera, pixels,
-                       sizeof pixels);
+    st.symbols = saga_symbols_crc(
+        &g->nets, &nets, g->has_base ? &g->base : NULL,
+        &g->segment[number * saga_n_layers(&g->header)], n_layers,
+        g->header.model.features);
+    s = saga_stages_of(&st, bytes, n, number, t, camera, pixels, sizeof pixels);
     if (s) {
         fprintf(stderr, "make_vectors: %s: %s\n", name, saga_status_text(s));
         exit(2);
     }
-    fprintf(manifest, "%s %" PRIu32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
+    fprintf(manifest,
+            "%s %" PRIu32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
             " %08" PRIx32 " %" PRId32 " %" PRIu32 " %08" PRIx32 " %08" PRIx32
-            " %08" PRIx32 "\n", name, number, st.symbols, st.final_range[0],
-            st.final_range[1], st.final_range[2], t, camera, st.primitives,
-            st.splats, st.frame);
+            " %08" PRIx32 "\n",
+            name, number, st.symbols, st.final_range[0], st.final_range[1],
+            st.final_range[2], t, camera, st.primitives, st.splats, st.frame);
 }
 
 /* The pictures of every stream. */
@@ -109,8 +108,9 @@ static void describe_pictures(const char *name, const saga_bytes *file,
                     saga_status_text(s));
             exit(2);
         }
-        fprintf(pictures, "%s %s %" PRIu32 " %" PRId32 " %" PRIu32 " %08" PRIx32
-                "\n", name, kind->name, number, at.t, at.camera, crc);
+        fprintf(pictures,
+                "%s %s %" PRIu32 " %" PRId32 " %" PRIu32 " %08" PRIx32 "\n",
+                name, kind->name, number, at.t, at.camera, crc);
     }
 }
 
@@ -173,8 +173,12 @@ static void good_extremes(void)
 /* Writes the first stream whose tree reaches the limits of level 0. */
 static void good_full(void)
 {
-    gen_options o = { .seed = 1, .level = 0, .full = 1, .picture = 1,
-                      .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE };
+    gen_options o = { .seed = 1,
+                      .level = 0,
+                      .full = 1,
+                      .picture = 1,
+                      .tools_fixed = 1,
+                      .tools = SAGA_TOOLS_PICTURE };
     int found = 0;
 
     for (; !found; o.seed++) {
@@ -192,12 +196,13 @@ static void good_full(void)
 
 /* Options of streams with the given tools, and with a bank, whose pictures are
  * not empty. */
-#define ALL (uint32_t)SAGA_TOOLS_PICTURE
+#define ALL (uint32_t) SAGA_TOOLS_PICTURE
 #define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
-#define BANK(write, slots, width, blocks) .bank = write, \
-    .bank_slots = slots, .bank_width = width, .bank_blocks = blocks
-#define TABLES(levels, log2_entries) .hash_levels = levels, \
-    .hash_log2_entries = log2_entries
+#define BANK(write, slots, width, blocks)                    \
+    .bank = write, .bank_slots = slots, .bank_width = width, \
+    .bank_blocks = blocks
+#define TABLES(levels, log2_entries) \
+    .hash_levels = levels, .hash_log2_entries = log2_entries
 
 /* --- Sound --------------------------------------------------------------- */
 
@@ -270,8 +275,13 @@ static void sound_short(const uint8_t *bytes, size_t n, size_t at, size_t end)
 
 static void sounds(void)
 {
-    const gen_options o = { .seed = 42, .level = 0, .n_coarse = 2, DRAWN(0),
-                            .no_fuse = 3, .named = 1, .sounds = 1 };
+    const gen_options o = { .seed = 42,
+                            .level = 0,
+                            .n_coarse = 2,
+                            DRAWN(0),
+                            .no_fuse = 3,
+                            .named = 1,
+                            .sounds = 1 };
     gen_stream g;
     saga_sound found;
     uint8_t *bytes;
@@ -294,8 +304,8 @@ static void sounds(void)
     sound_length("beyond_the_end", bytes, n, at, 1 << 24);
     sound_byte("crc", bytes, n, end - 2, 0);
     sound_byte("names_crc", bytes, n, at - 2, 0);
-    sound_byte("not_ogg", bytes, n, at + SAGA_CHUNK_NBYTES +
-               SAGA_SOUND_NBYTES, 1);
+    sound_byte("not_ogg", bytes, n, at + SAGA_CHUNK_NBYTES + SAGA_SOUND_NBYTES,
+               1);
     sound_twice(bytes, n, at, end);
     sound_short(bytes, n, at, end);
     free(bytes);
@@ -316,9 +326,11 @@ typedef struct {
     uint32_t mask, plus;
 } change;
 
-#define CHANGE(member, mask, plus) \
-    { offsetof(saga_header, member), sizeof ((saga_header *)0)->member, \
-      mask, plus }
+#define CHANGE(member, mask, plus)                                             \
+    {                                                                          \
+        offsetof(saga_header, member), sizeof((saga_header *)0)->member, mask, \
+            plus                                                               \
+    }
 #define TO(member, value) CHANGE(member, 0, value)
 #define MORE(member, by) CHANGE(member, UINT32_MAX, by)
 #define WITH(member, bits) CHANGE(member, ~(uint32_t)(bits), bits)
@@ -404,13 +416,11 @@ static void bad_versions(const uint8_t *bytes, size_t head)
  * everything after it is present. */
 static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
 {
-    const size_t at[2] = {
-        head + 4, head + 4 + SAGA_CHUNK_NBYTES + SAGA_INDEX_ENTRY_NBYTES
-    };
-    static const char *const stem[2][2] = {
-        { "index_longer", "index_shorter" },
-        { "networks_longer", "networks_shorter" }
-    };
+    const size_t at[2] = { head + 4, head + 4 + SAGA_CHUNK_NBYTES +
+                                         SAGA_INDEX_ENTRY_NBYTES };
+    static const char *const stem[2][2] = { { "index_longer", "index_shorter" },
+                                            { "networks_longer",
+                                              "networks_shorter" } };
     char nbytes[4];
 
     for (int i = 0; i < 2; i++)
@@ -421,13 +431,13 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
                        k ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
         }
     /* The index has a wrong offset for the only segment. */
-    bad_signed("index_offset_beyond", bytes, n,
-               head + SAGA_CHUNK_NBYTES, "\0\0\0\0\0\0\0\x80", 8,
-               SAGA_ERR_TRUNCATED);
+    bad_signed("index_offset_beyond", bytes, n, head + SAGA_CHUNK_NBYTES,
+               "\0\0\0\0\0\0\0\x80", 8, SAGA_ERR_TRUNCATED);
     bad_signed("index_offset_at_end", bytes, n, head + SAGA_CHUNK_NBYTES,
-               (const char *)(const uint8_t[4]) {
-                   (uint8_t)(n & 255), (uint8_t)(n >> 8 & 255),
-                   (uint8_t)(n >> 16 & 255), 0 }, 4, SAGA_ERR_TRUNCATED);
+               (const char *)(const uint8_t[4]){ (uint8_t)(n & 255),
+                                                 (uint8_t)(n >> 8 & 255),
+                                                 (uint8_t)(n >> 16 & 255), 0 },
+               4, SAGA_ERR_TRUNCATED);
     bad_signed("index_segment_huge", bytes, n, head + SAGA_CHUNK_NBYTES + 8,
                "\xff\xff\xff\xff", 4, SAGA_ERR_TRUNCATED);
 }
@@ -496,8 +506,9 @@ static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
  * or of a column, would be -1. */
 static void bad_scale(const char *stem, uint32_t mode)
 {
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1 };
+    const gen_options o = {
+        .seed = 7, .level = 1, .n_coarse = 3, .tools_fixed = 1
+    };
     FREED_BY(mutate_free) mutate_file f;
     saga_range_enc e;
     uint8_t *bytes, *changed, begin[16];
@@ -507,13 +518,13 @@ static void bad_scale(const char *stem, uint32_t mode)
     gen_stream_encode(&g, &bytes, &n);
     mutate_split(&f, bytes, n);
     saga_range_enc_init(&e, begin, sizeof begin);
-    saga_range_enc_bits(&e, 1, 16);      /* step */
-    saga_range_enc_bits(&e, 0, 10);      /* its shift, the biases' */
+    saga_range_enc_bits(&e, 1, 16); /* step */
+    saga_range_enc_bits(&e, 0, 10); /* its shift, the biases' */
     saga_range_enc_bits(&e, SAGA_DROP - 1, 6);
-    saga_range_enc_bits(&e, 0, 6);       /* scale of biases */
+    saga_range_enc_bits(&e, 0, 6); /* scale of biases */
     put(&e, SAGA_N_SCALE_MODES, mode);
     if (mode == SAGA_SCALE_ROW) {
-        put(&e, 4, 0);                   /* shift */
+        put(&e, 4, 0); /* shift */
         put(&e, 8, 0);
     }
     put(&e, SAGA_N_DROPS, 1);
@@ -628,18 +639,21 @@ static void bad_base(void)
 {
     const bad_change headers[] = {
         { "base_coarse_zero", SAGA_ERR_DATA, { TO(base.coarse, 0) } },
-        { "base_level", SAGA_ERR_LEVEL,
+        { "base_level",
+          SAGA_ERR_LEVEL,
           { TO(base.coarse, saga_caps[1].n_coarse) } },
         { "base_too_long", SAGA_ERR_DATA, { TO(base_nbytes, (1u << 30) + 1) } },
     };
     static const bad_change whole[] = {
         { "base_prim_more", SAGA_ERR_DATA, { MORE(base.prim, 1) } },
         { "base_longer", SAGA_ERR_DATA, { MORE(base_nbytes, 1) } },
-        { "base_shorter", SAGA_ERR_TRUNCATED,
+        { "base_shorter",
+          SAGA_ERR_TRUNCATED,
           { MORE(base_nbytes, UINT32_MAX) } },
     };
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .base = 1 };
+    const gen_options o = {
+        .seed = 7, .level = 1, .n_coarse = 3, .tools_fixed = 1, .base = 1
+    };
     FREED_BY(gen_stream_free) gen_stream g;
     FREED uint8_t *bytes;
     size_t n, head;
@@ -686,9 +700,9 @@ static size_t end_of_layer(const uint8_t *bytes, size_t n, uint32_t layer)
  * last. */
 static void cut_layers(const gen_options *o)
 {
-    static const char *const name[] = {
-        "cut/layers_1.saga", "cut/layers_2.saga", "cut/layers_2_more.saga"
-    };
+    static const char *const name[] = { "cut/layers_1.saga",
+                                        "cut/layers_2.saga",
+                                        "cut/layers_2_more.saga" };
     saga_bytes part;
     FREED_BY(gen_stream_free) gen_stream g;
     size_t n;
@@ -717,8 +731,7 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     for (int i = 0; i < 2; i++) {
-        uint8_t *const p = copy + seg.offset + SAGA_CHUNK_NBYTES +
-                           by[i][0];
+        uint8_t *const p = copy + seg.offset + SAGA_CHUNK_NBYTES + by[i][0];
 
         fx_store32_le(p, fx_load32_le(p) + (uint32_t)by[i][1]);
     }
@@ -737,18 +750,22 @@ static void bad_layers(const gen_options *o)
         int change[2][2];
         saga_status status;
     } lengths[] = {
-        { "layers_prim_more", { { PRIM_0, 1 }, { PRIM_1, -1 } },
+        { "layers_prim_more",
+          { { PRIM_0, 1 }, { PRIM_1, -1 } },
           SAGA_ERR_DATA },
-        { "layers_longer", { { NBYTES_0, 1 }, { NBYTES_1, -1 } },
+        { "layers_longer",
+          { { NBYTES_0, 1 }, { NBYTES_1, -1 } },
           SAGA_ERR_DATA },
-        { "layers_shorter", { { NBYTES_0, -1 }, { NBYTES_1, 1 } },
+        { "layers_shorter",
+          { { NBYTES_0, -1 }, { NBYTES_1, 1 } },
           SAGA_ERR_TRUNCATED },
-        { "layers_not_the_segment", { { NBYTES_1, 1 }, { PRIM_0, 0 } },
+        { "layers_not_the_segment",
+          { { NBYTES_1, 1 }, { PRIM_0, 0 } },
           SAGA_ERR_DATA },
     };
-    static const bad_change together = {
-        "layers_prim_together", SAGA_ERR_DATA, { MORE(max.prim, UINT32_MAX) }
-    };
+    static const bad_change together = { "layers_prim_together",
+                                         SAGA_ERR_DATA,
+                                         { MORE(max.prim, UINT32_MAX) } };
     FREED_BY(gen_stream_free) gen_stream g;
     FREED uint8_t *bytes;
     size_t n, end;
@@ -777,28 +794,37 @@ static void bad_layers(const gen_options *o)
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
-        { "memory_off", SAGA_ERR_DATA,
+        { "memory_off",
+          SAGA_ERR_DATA,
           { WITHOUT(model.tools, SAGA_TOOL_BANK) } },
-        { "memory_unread", SAGA_ERR_DATA,
+        { "memory_unread",
+          SAGA_ERR_DATA,
           { WITHOUT(model.sources, SAGA_SOURCE_BANK) } },
         { "memory_slots_zero", SAGA_ERR_DATA, { TO(model.bank_slots, 0) } },
         { "memory_slots_96", SAGA_ERR_DATA, { TO(model.bank_slots, 96) } },
         { "memory_slots_1024", SAGA_ERR_DATA, { TO(model.bank_slots, 1024) } },
         { "memory_slots_level", SAGA_ERR_LEVEL, { TO(model.bank_slots, 128) } },
-        { "memory_slots_twins", SAGA_ERR_DATA,
+        { "memory_slots_twins",
+          SAGA_ERR_DATA,
           { TO(model.bank_slots, 512), TO(model.bank_width, 8) } },
         { "memory_width_zero", SAGA_ERR_DATA, { TO(model.bank_width, 0) } },
         { "memory_width_12", SAGA_ERR_DATA, { TO(model.bank_width, 12) } },
         { "memory_width_72", SAGA_ERR_DATA, { TO(model.bank_width, 72) } },
         { "memory_blocks_zero", SAGA_ERR_DATA, { TO(model.bank_blocks, 0) } },
-        { "memory_net_width_zero", SAGA_ERR_DATA,
+        { "memory_net_width_zero",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_QUERY], 0) } },
-        { "memory_net_width_level", SAGA_ERR_LEVEL,
+        { "memory_net_width_level",
+          SAGA_ERR_LEVEL,
           { TO(model.width[SAGA_NET_QUERY], 65) } },
     };
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .bank = GEN_BANK_ORTHOGONAL,
-                            .bank_slots = 64, .bank_width = 16,
+    const gen_options o = { .seed = 7,
+                            .level = 1,
+                            .n_coarse = 3,
+                            .tools_fixed = 1,
+                            .bank = GEN_BANK_ORTHOGONAL,
+                            .bank_slots = 64,
+                            .bank_width = 16,
                             .bank_blocks = 4 };
 
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
@@ -809,21 +835,27 @@ static void bad_memory(void)
 static void bad_fuse(void)
 {
     static const bad_change headers[] = {
-        { "width_zero_fine", SAGA_ERR_DATA,
+        { "width_zero_fine",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_E_FINE], 0) } },
-        { "width_zero_colour_base", SAGA_ERR_DATA,
+        { "width_zero_colour_base",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_COLOUR_BASE], 0) } },
-        { "width_129", SAGA_ERR_DATA,
+        { "width_129",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_FUSE_F], 129) } },
-        { "no_fuse_q_in_zero", SAGA_ERR_DATA,
+        { "no_fuse_q_in_zero",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_FUSE_C], 0),
             TO(model.q_in[SAGA_NET_FUSE_C], 0) } },
-        { "no_fuse_q_too_large", SAGA_ERR_DATA,
+        { "no_fuse_q_too_large",
+          SAGA_ERR_DATA,
           { TO(model.width[SAGA_NET_FUSE_C], 0),
             TO(model.out_q[SAGA_OUT_FUSE_C], 21) } },
     };
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1 };
+    const gen_options o = {
+        .seed = 7, .level = 1, .n_coarse = 3, .tools_fixed = 1
+    };
 
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
@@ -863,17 +895,20 @@ static void bad_all(void)
 {
     static const bad_change headers[] = {
         { "tool_base", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BASE) } },
-        { "tool_feature_residual", SAGA_ERR_VERSION,
+        { "tool_feature_residual",
+          SAGA_ERR_VERSION,
           { WITH(model.tools, SAGA_TOOL_FEATURE_RESIDUAL) } },
-        { "tool_hash", SAGA_ERR_DATA,
-          { WITH(model.tools, SAGA_TOOL_HASH) } },
+        { "tool_hash", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_HASH) } },
         { "tool_memory", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BANK) } },
-        { "tool_plain_write", SAGA_ERR_DATA,
+        { "tool_plain_write",
+          SAGA_ERR_DATA,
           { WITH(model.tools, SAGA_TOOL_PLAIN_WRITE) } },
         { "tool_unknown", SAGA_ERR_VERSION, { WITH(model.tools, 1u << 12) } },
-        { "source_memory", SAGA_ERR_DATA,
+        { "source_memory",
+          SAGA_ERR_DATA,
           { WITH(model.sources[0], SAGA_SOURCE_BANK) } },
-        { "source_unknown", SAGA_ERR_VERSION,
+        { "source_unknown",
+          SAGA_ERR_VERSION,
           { WITH(model.sources[0], SAGA_SOURCES_KNOWN + 1u) } },
         { "layers_without_lengths", SAGA_ERR_DATA, { TO(more_layers, 1) } },
         { "layers_too_many", SAGA_ERR_VERSION, { TO(more_layers, 8) } },
@@ -889,27 +924,34 @@ static void bad_all(void)
         { "features_too_few", SAGA_ERR_DATA, { TO(model.features, 4) } },
         { "width_zero", SAGA_ERR_DATA, { TO(model.width[0], 0) } },
         { "octaves_too_many", SAGA_ERR_DATA, { TO(model.octaves, 9) } },
-        { "groups_too_many", SAGA_ERR_DATA,
+        { "groups_too_many",
+          SAGA_ERR_DATA,
           { TO(model.tier[0].n_groups, 17) } },
         { "window_too_wide", SAGA_ERR_DATA, { TO(model.tier[1].window, 33) } },
-        { "quat_q_too_large", SAGA_ERR_DATA,
+        { "quat_q_too_large",
+          SAGA_ERR_DATA,
           { TO(model.out_q[SAGA_OUT_QUAT], 15) } },
         { "rig_length", SAGA_ERR_DATA, { TO(n_cameras, 0) } },
         /* The header's length includes all these cameras, whose bytes are
          * missing. */
-        { "cameras_too_many", SAGA_ERR_DATA,
+        { "cameras_too_many",
+          SAGA_ERR_DATA,
           { TO(n_cameras, SAGA_MAX_CAMERAS + 1),
-            TO(header_nbytes, SAGA_HEADER_NBYTES + 4u +
-               (SAGA_MAX_CAMERAS + 1) * SAGA_CAMERA_NBYTES) } },
-        { "step_too_small", SAGA_ERR_DATA,
+            TO(header_nbytes,
+               SAGA_HEADER_NBYTES + 4u +
+                   (SAGA_MAX_CAMERAS + 1) * SAGA_CAMERA_NBYTES) } },
+        { "step_too_small",
+          SAGA_ERR_DATA,
           { TO(model.step_q16[0], 15u << 16) } },
-        { "source_coarse_parent", SAGA_ERR_DATA,
+        { "source_coarse_parent",
+          SAGA_ERR_DATA,
           { WITH(model.sources[SAGA_KIND_COARSE], SAGA_SOURCE_PARENT) } },
         { "weight_beyond_int8", SAGA_ERR_DATA, { TO(model.int8, 1) } },
         { "more_than_maximum", SAGA_ERR_DATA, { MORE(max.prim, UINT32_MAX) } },
     };
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1 };
+    const gen_options o = {
+        .seed = 7, .level = 1, .n_coarse = 3, .tools_fixed = 1
+    };
     FREED uint8_t *bytes;
     size_t n, head, half;
     FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
@@ -948,78 +990,222 @@ static FILE *begin_list(const char *name)
 
 int main(int argc, char **argv)
 {
-    static const struct { const char *stem; gen_options o; } row[] = {
+    static const struct {
+        const char *stem;
+        gen_options o;
+    } row[] = {
         { "still", { .seed = 11, .level = 1, .n_coarse = 20, DRAWN(0) } },
         { "motion", { .seed = 12, .level = 1, .n_coarse = 20, DRAWN(ALL) } },
-        { "segments", { .seed = 13, .level = 1, .n_coarse = 6,
-            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .n_segments = 3 } },
+        { "segments",
+          { .seed = 13,
+            .level = 1,
+            .n_coarse = 6,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW),
+            .n_segments = 3 } },
         { "random_level0", { .seed = 14, .level = 0, .n_coarse = 12 } },
         { "random_level1", { .seed = 15, .level = 1, .n_coarse = 12 } },
         { "random_level2", { .seed = 16, .level = 2, .n_coarse = 20 } },
         { "random_level3", { .seed = 17, .level = 3, .n_coarse = 12 } },
-        { "memory_level0", { .seed = 18, .level = 0, .n_coarse = 20, DRAWN(ALL),
+        { "memory_level0",
+          { .seed = 18,
+            .level = 0,
+            .n_coarse = 20,
+            DRAWN(ALL),
             BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3) } },
-        { "memory", { .seed = 19, .level = 1, .n_coarse = 20, DRAWN(ALL),
+        { "memory",
+          { .seed = 19,
+            .level = 1,
+            .n_coarse = 20,
+            DRAWN(ALL),
             BANK(GEN_BANK_ORTHOGONAL, 64, 32, 256) } },
-        { "memory_plain", { .seed = 20, .level = 1, .n_coarse = 20, DRAWN(0),
+        { "memory_plain",
+          { .seed = 20,
+            .level = 1,
+            .n_coarse = 20,
+            DRAWN(0),
             BANK(GEN_BANK_PLAIN, 64, 8, 1) } },
-        { "memory_level2", { .seed = 21, .level = 2, .n_coarse = 12,
-            .n_segments = 2, BANK(GEN_BANK_PLAIN, 128, 40, 5) } },
-        { "memory_level3", { .seed = 22, .level = 3, .n_coarse = 12,
+        { "memory_level2",
+          { .seed = 21,
+            .level = 2,
+            .n_coarse = 12,
+            .n_segments = 2,
+            BANK(GEN_BANK_PLAIN, 128, 40, 5) } },
+        { "memory_level3",
+          { .seed = 22,
+            .level = 3,
+            .n_coarse = 12,
             BANK(GEN_BANK_ORTHOGONAL, 512, 64, 2) } },
-        { "no_fuse_coarse", { .seed = 25, .level = 1, .n_coarse = 20,
-            DRAWN(ALL), .no_fuse = 1 } },
-        { "no_fuse_fine", { .seed = 26, .level = 1, .n_coarse = 20, DRAWN(ALL),
+        { "no_fuse_coarse",
+          { .seed = 25,
+            .level = 1,
+            .n_coarse = 20,
+            DRAWN(ALL),
+            .no_fuse = 1 } },
+        { "no_fuse_fine",
+          { .seed = 26,
+            .level = 1,
+            .n_coarse = 20,
+            DRAWN(ALL),
             .no_fuse = 2 } },
-        { "no_fuse", { .seed = 27, .level = 0, .n_coarse = 20, DRAWN(ALL),
+        { "no_fuse",
+          { .seed = 27,
+            .level = 0,
+            .n_coarse = 20,
+            DRAWN(ALL),
             .no_fuse = 3 } },
-        { "linear", { .seed = 28, .level = 0, .n_coarse = 20, DRAWN(ALL),
-            .no_fuse = 3, .linear = 1 } },
-        { "hash", { .seed = 43, .level = 1, .n_coarse = 20, DRAWN(ALL),
-            .no_fuse = 3, .linear = 1, TABLES(3, 4) } },
-        { "hash_level0", { .seed = 44, .level = 0, .n_coarse = 12,
-            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .no_fuse = 3, .linear = 1,
-            .base = 1, TABLES(1, 5) } },
-        { "hash_level2", { .seed = 73, .level = 2, .n_coarse = 12,
-            .n_layers = 2, TABLES(1, 9) } },
-        { "hash_level3", { .seed = 47, .level = 3, .n_coarse = 12,
-            .n_segments = 2, BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3),
+        { "linear",
+          { .seed = 28,
+            .level = 0,
+            .n_coarse = 20,
+            DRAWN(ALL),
+            .no_fuse = 3,
+            .linear = 1 } },
+        { "hash",
+          { .seed = 43,
+            .level = 1,
+            .n_coarse = 20,
+            DRAWN(ALL),
+            .no_fuse = 3,
+            .linear = 1,
+            TABLES(3, 4) } },
+        { "hash_level0",
+          { .seed = 44,
+            .level = 0,
+            .n_coarse = 12,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW),
+            .no_fuse = 3,
+            .linear = 1,
+            .base = 1,
+            TABLES(1, 5) } },
+        { "hash_level2",
+          { .seed = 73,
+            .level = 2,
+            .n_coarse = 12,
+            .n_layers = 2,
+            TABLES(1, 9) } },
+        { "hash_level3",
+          { .seed = 47,
+            .level = 3,
+            .n_coarse = 12,
+            .n_segments = 2,
+            BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3),
             TABLES(8, 6) } },
-        { "names", { .seed = 29, .level = 0, .n_coarse = 6, DRAWN(0),
-            .no_fuse = 3, .named = 1 } },
-        { "base", { .seed = 29, .level = 1, .n_coarse = 12, DRAWN(ALL),
-            .no_fuse = 3, .linear = 1, .n_segments = 2, .base = 1 } },
-        { "base_level0", { .seed = 30, .level = 0, .n_coarse = 12,
-            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .base = 1,
+        { "names",
+          { .seed = 29,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(0),
+            .no_fuse = 3,
+            .named = 1 } },
+        { "base",
+          { .seed = 29,
+            .level = 1,
+            .n_coarse = 12,
+            DRAWN(ALL),
+            .no_fuse = 3,
+            .linear = 1,
+            .n_segments = 2,
+            .base = 1 } },
+        { "base_level0",
+          { .seed = 30,
+            .level = 0,
+            .n_coarse = 12,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW),
+            .base = 1,
             BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3) } },
-        { "base_level3", { .seed = 33, .level = 3, .n_coarse = 12,
-            .n_segments = 2, .base = 1 } },
-        { "base_names", { .seed = 34, .level = 0, .n_coarse = 6, DRAWN(0),
-            .no_fuse = 3, .n_segments = 2, .base = 1, .named = 1 } },
-        { "sound", { .seed = 41, .level = 0, .n_coarse = 6, DRAWN(0),
-            .no_fuse = 3, .n_segments = 2, .named = 1, .sounds = 1 } },
-        { "exposures", { .seed = 43, .level = 0, .n_coarse = 6, DRAWN(0),
-            .no_fuse = 3, .named = 1, .exposed = 1, .sounds = 1 } },
-        { "exposures_base", { .seed = 44, .level = 0, .n_coarse = 6, DRAWN(0),
-            .no_fuse = 3, .base = 1, .exposed = 1 } },
-        { "whole", { .seed = 74, .level = 1, .n_coarse = 6,
-            DRAWN(ALL | SAGA_TOOL_STEEP), .n_segments = 2, .n_layers = 2,
-            .base = 1, .named = 1, .exposed = 1, .sounds = 1,
-            BANK(GEN_BANK_ORTHOGONAL, 64, 8, 3), TABLES(2, 3) } },
-        { "layers", { .seed = 35, .level = 1, .n_coarse = 12, DRAWN(ALL),
-            .no_fuse = 3, .linear = 1, .n_segments = 2, .n_layers = 2 } },
-        { "layers_base", { .seed = 36, .level = 1, .n_coarse = 6, DRAWN(ALL),
-            .n_segments = 2, .n_layers = 3, .base = 1,
-            BANK(GEN_BANK_ORTHOGONAL, 64, 16, 5) } },
-        { "layers_level3", { .seed = 37, .level = 3, .n_coarse = 12,
+        { "base_level3",
+          { .seed = 33,
+            .level = 3,
+            .n_coarse = 12,
+            .n_segments = 2,
+            .base = 1 } },
+        { "base_names",
+          { .seed = 34,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(0),
+            .no_fuse = 3,
+            .n_segments = 2,
+            .base = 1,
+            .named = 1 } },
+        { "sound",
+          { .seed = 41,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(0),
+            .no_fuse = 3,
+            .n_segments = 2,
+            .named = 1,
+            .sounds = 1 } },
+        { "exposures",
+          { .seed = 43,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(0),
+            .no_fuse = 3,
+            .named = 1,
+            .exposed = 1,
+            .sounds = 1 } },
+        { "exposures_base",
+          { .seed = 44,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(0),
+            .no_fuse = 3,
+            .base = 1,
+            .exposed = 1 } },
+        { "whole",
+          { .seed = 74,
+            .level = 1,
+            .n_coarse = 6,
+            DRAWN(ALL | SAGA_TOOL_STEEP),
+            .n_segments = 2,
+            .n_layers = 2,
+            .base = 1,
+            .named = 1,
+            .exposed = 1,
+            .sounds = 1,
+            BANK(GEN_BANK_ORTHOGONAL, 64, 8, 3),
+            TABLES(2, 3) } },
+        { "layers",
+          { .seed = 35,
+            .level = 1,
+            .n_coarse = 12,
+            DRAWN(ALL),
+            .no_fuse = 3,
+            .linear = 1,
+            .n_segments = 2,
             .n_layers = 2 } },
-        { "layers_level0", { .seed = 38, .level = 0, .n_coarse = 6,
-            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .no_fuse = 3,
+        { "layers_base",
+          { .seed = 36,
+            .level = 1,
+            .n_coarse = 6,
+            DRAWN(ALL),
+            .n_segments = 2,
+            .n_layers = 3,
+            .base = 1,
+            BANK(GEN_BANK_ORTHOGONAL, 64, 16, 5) } },
+        { "layers_level3",
+          { .seed = 37, .level = 3, .n_coarse = 12, .n_layers = 2 } },
+        { "layers_level0",
+          { .seed = 38,
+            .level = 0,
+            .n_coarse = 6,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW),
+            .no_fuse = 3,
             .n_layers = 3 } },
-        { "steep", { .seed = 39, .level = 1, .n_coarse = 20,
+        { "steep",
+          { .seed = 39,
+            .level = 1,
+            .n_coarse = 20,
             DRAWN(ALL | SAGA_TOOL_STEEP) } },
-        { "steep_level0", { .seed = 40, .level = 0, .n_coarse = 20,
-            DRAWN(SAGA_TOOL_STEEP), .no_fuse = 3, .linear = 1 } },
+        { "steep_level0",
+          { .seed = 40,
+            .level = 0,
+            .n_coarse = 20,
+            DRAWN(SAGA_TOOL_STEEP),
+            .no_fuse = 3,
+            .linear = 1 } },
     };
     const gen_options *const three_layers =
         &row[sizeof row / sizeof *row - 3].o;
@@ -1037,7 +1223,8 @@ int main(int argc, char **argv)
           "# Of sound: file, `sound`, the status of finding it.\n",
           manifest);
     fputs("# Made by tests/make_vectors: file, kind of the picture, segment,\n"
-          "# time, camera, CRC of its samples.\n", pictures);
+          "# time, camera, CRC of its samples.\n",
+          pictures);
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         good(row[i].stem, row[i].o);
     good_full();

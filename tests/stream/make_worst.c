@@ -45,8 +45,8 @@ static double draw(const saga_decoder *dec, const saga_camera *c)
 }
 
 /* Prepares and draws a view of camera 0 if there is one. */
-static void look(saga_decoder *dec, const saga_info *info,
-                 const uint8_t *bytes, size_t n)
+static void look(saga_decoder *dec, const saga_info *info, const uint8_t *bytes,
+                 size_t n)
 {
     saga_camera c;
     saga_report report;
@@ -62,8 +62,10 @@ static void look(saga_decoder *dec, const saga_info *info,
     must(saga_view(dec, &c, 0) == SAGA_OK, "no view");
     start = cpu_seconds() - start;
     saga_tell(&report, dec);
-    printf(" | %.1f %% | %.3f", 100. * (double)report.box_pixels /
-           (65536. * SAGA_COVER_MAX(info->level)), start);
+    printf(" | %.1f %% | %.3f",
+           100. * (double)report.box_pixels /
+               (65536. * SAGA_COVER_MAX(info->level)),
+           start);
     printf(" | %.3f |\n", draw(dec, &c));
 }
 
@@ -80,18 +82,20 @@ static void measure(const char *name, const uint8_t *bytes, size_t n)
     double start;
 
     must(saga_probe(&info, bytes, n) == SAGA_OK &&
-         saga_find(&seg, bytes, n, 0, 1) == SAGA_OK, "not a valid file");
+             saga_find(&seg, bytes, n, 0, 1) == SAGA_OK,
+         "not a valid file");
     block = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
     must(block != NULL, "out of memory");
     start = cpu_seconds();
     must(saga_open(&dec, block, info.work_nbytes, bytes, n, NULL) == SAGA_OK &&
-         saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes, NULL) ==
-             SAGA_OK, "a file cannot be decoded");
+             saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes, NULL) ==
+                 SAGA_OK,
+         "a file cannot be decoded");
     printf("| %s | %zu | %.1f %% | %.1f %% | %.3f", name, n,
            100. * (double)info.work / work[info.level],
            100. * (double)info.n_layers *
-               ((double)info.max_coarse + info.max_fine) /
-               anchors[info.level], cpu_seconds() - start);
+               ((double)info.max_coarse + info.max_fine) / anchors[info.level],
+           cpu_seconds() - start);
     look(dec, &info, bytes, n);
     fflush(stdout);
     free(block);

@@ -89,22 +89,24 @@ TEST(probe_should_report_the_same_values)
         assert_int_equal(get(HEADER, p, "centre_exponent", 0),
                          a.centre_exponent);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0) +
-                         2 * tables[CHUNK].nbytes + a.n_segments *
-                         tables[ENTRY].nbytes + a.nets_nbytes + a.base_nbytes,
+                             2 * tables[CHUNK].nbytes +
+                             a.n_segments * tables[ENTRY].nbytes +
+                             a.nets_nbytes + a.base_nbytes,
                          a.head_nbytes);
     }
 }
 
 static uint32_t width_of(const uint8_t *p, const char *net)
 {
-    return (uint32_t)get(NETWORK, p + field_named(HEADER, net)->offset,
-                         "width", 0);
+    return (uint32_t)get(NETWORK, p + field_named(HEADER, net)->offset, "width",
+                         0);
 }
 
 static uint32_t bank_width_of(const uint8_t *p, const char *net)
 {
-    return (uint32_t)get(NETWORK, p + tables[HEADER].nbytes +
-                         field_named(BANK, net)->offset, "width", 0);
+    return (uint32_t)get(
+        NETWORK, p + tables[HEADER].nbytes + field_named(BANK, net)->offset,
+        "width", 0);
 }
 
 /* Returns the weights of networks 11 to 15. */
@@ -119,8 +121,8 @@ static uint32_t bank_weights_of(const uint8_t *p)
     if (!has_bank(p))
         return 0;
     v = bank_width_of(p, "net_write");
-    return (in + d) * (bank_width_of(p, "net_query") +
-                       bank_width_of(p, "net_agg")) +
+    return (in + d) *
+               (bank_width_of(p, "net_query") + bank_width_of(p, "net_agg")) +
            (l + v) * bank_width_of(p, "net_slot") + d * v + v * (d + 1);
 }
 
@@ -128,20 +130,19 @@ static uint32_t bank_weights_of(const uint8_t *p)
  * F_geo and C of the colour's first layer. */
 static uint32_t hash_weights_of(const uint8_t *p, uint32_t rows)
 {
-    const uint32_t entries = (uint32_t)get(HEADER, p, "hash_levels", 0) <<
-                             get(HEADER, p, "hash_log2_entries", 0);
+    const uint32_t entries = (uint32_t)get(HEADER, p, "hash_levels", 0)
+                             << get(HEADER, p, "hash_log2_entries", 0);
 
-    return has_hash(p)
-        ? (entries + rows + width_of(p, "net_colour")) *
-              (uint32_t)get(NETWORK, p + hash_at(p), "width", 0)
-        : 0;
+    return has_hash(p) ? (entries + rows + width_of(p, "net_colour")) *
+                             (uint32_t)get(NETWORK, p + hash_at(p), "width", 0)
+                       : 0;
 }
 
 /* Returns the inputs of an entropy network with the sources s. */
 static uint32_t inputs_of(const uint8_t *p, uint32_t s)
 {
     return (uint32_t)get(HEADER, p, "features", 0) *
-           ((s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u)) +
+               ((s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u)) +
            (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "bank_width", 0);
 }
 
@@ -156,12 +157,10 @@ static uint32_t layers_of(uint32_t n_in, uint32_t w, uint32_t n_out)
  * network is its own width. */
 static uint32_t weights_of(const uint8_t *p)
 {
-    static const char *const sources[3] = {
-        "sources_coarse", "sources_fine", "sources_prim"
-    };
-    static const char *const entropy[3] = {
-        "net_e_coarse", "net_e_fine", "net_e_prim"
-    };
+    static const char *const sources[3] = { "sources_coarse", "sources_fine",
+                                            "sources_prim" };
+    static const char *const entropy[3] = { "net_e_coarse", "net_e_fine",
+                                            "net_e_prim" };
     static const char *const fuse[2] = { "net_fuse_c", "net_fuse_f" };
     const uint32_t f = (uint32_t)get(HEADER, p, "features", 0);
     const uint32_t in = f + 8 * (uint32_t)get(HEADER, p, "octaves", 0);
@@ -208,8 +207,7 @@ static void check_camera(const uint8_t *p, const saga_camera *c,
 {
     assert_int_equal(get(CAMERA, p, "number", 0), number);
     for (uint32_t k = 0; k < 9; k++)
-        assert_int_equal(get(CAMERA, p, "rotation_q30", k),
-                         c->rotation_q30[k]);
+        assert_int_equal(get(CAMERA, p, "rotation_q30", k), c->rotation_q30[k]);
     for (uint32_t k = 0; k < 3; k++) {
         assert_int_equal(get(CAMERA, p, "centre", k), c->centre[k]);
         assert_int_equal(get(CAMERA, p, "background_q15", k),
@@ -327,9 +325,9 @@ static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
         saga_layer_report layer;
         const size_t begin = end;
 
-        end += (size_t)get(LAYER, layer_at(f->p + seg->offset +
-                                           tables[CHUNK].nbytes, i),
-                           "nbytes", 0);
+        end += (size_t)get(
+            LAYER, layer_at(f->p + seg->offset + tables[CHUNK].nbytes, i),
+            "nbytes", 0);
         assert_ok(saga_find_layer(&layer, dec, seg, p, begin, i));
         assert_int_equal(layer.end, end);
         assert_int_equal(layers_in(dec, seg, p, end - 1), i);
@@ -380,9 +378,8 @@ TEST(segments_should_be_found_with_the_same_values)
  * values outside of its range are then tried. */
 static int is_coupled(const field *f)
 {
-    static const char *const names[] = {
-        "header_nbytes", "n_cameras", "n_segments", "n_frames"
-    };
+    static const char *const names[] = { "header_nbytes", "n_cameras",
+                                         "n_segments", "n_frames" };
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(f->name, names[i]) == 0)
@@ -411,7 +408,7 @@ static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
 
 typedef struct {
     uint8_t *header;
-    uint32_t end;            /* offset of the header's CRC */
+    uint32_t end; /* offset of the header's CRC */
     uint32_t n_tried;
 } trial;
 
@@ -432,7 +429,7 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
         assert_ok(s);
     if (inside ? s != SAGA_OK && s != SAGA_ERR_LEVEL
                : s != SAGA_ERR_DATA && s != SAGA_ERR_VERSION &&
-                 s != SAGA_ERR_LEVEL)
+                     s != SAGA_ERR_LEVEL)
         fail_msg("%s = %lld, range %s: %s", f->name, (long long)v, f->range,
                  saga_status_text(s));
 }
@@ -442,9 +439,8 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
 static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
                             int64_t v)
 {
-    static const char *const may_be_0[] = {
-        "net_fuse_c", "net_fuse_f", "net_fine", "net_geo"
-    };
+    static const char *const may_be_0[] = { "net_fuse_c", "net_fuse_f",
+                                            "net_fine", "net_geo" };
     const uint8_t *const h = r->header;
 
     if (strcmp(f->name, "width") != 0)
@@ -469,8 +465,8 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
     if (f->nbytes == 1) {
         for (int64_t v = 0; v < 256; v++)
             if (is_refused_width(r, f, p, v))
-                assert_int_equal(status_with(r->header, f, p, v, r->end,
-                                             &fits), SAGA_ERR_DATA);
+                assert_int_equal(status_with(r->header, f, p, v, r->end, &fits),
+                                 SAGA_ERR_DATA);
             else
                 try_value(r, f, p, v);
         return;
@@ -496,8 +492,8 @@ TEST(decoder_should_refuse_what_lies_outside_the_ranges)
         memcpy(r.header, f->p, r.end);
         visit(&tables[HEADER], r.header, try_field, &r);
         if (has_bank(r.header))
-            visit(&tables[BANK], r.header + tables[HEADER].nbytes,
-                  try_field, &r);
+            visit(&tables[BANK], r.header + tables[HEADER].nbytes, try_field,
+                  &r);
         if (has_hash(r.header))
             visit(&tables[HASH], r.header + hash_at(r.header), try_field, &r);
         if (has_base(r.header))

@@ -9,10 +9,13 @@
 #include "project.h"
 #include "testing.h"
 
-static const gen_options options = {
-    .seed = 12, .level = 1, .n_coarse = 10, .picture = 1, .tools_fixed = 1,
-    .tools = SAGA_TOOLS_PICTURE, .n_segments = 2
-};
+static const gen_options options = { .seed = 12,
+                                     .level = 1,
+                                     .n_coarse = 10,
+                                     .picture = 1,
+                                     .tools_fixed = 1,
+                                     .tools = SAGA_TOOLS_PICTURE,
+                                     .n_segments = 2 };
 
 /* Draws the whole picture; *crc is that of the pixels, if it is drawn. */
 static saga_status draw(uint32_t *crc, const saga_decoder *dec,
@@ -23,8 +26,11 @@ static saga_status draw(uint32_t *crc, const saga_decoder *dec,
     static _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
     const size_t nbytes = 3u * c->width * c->height;
     const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
-    saga_job job = { .x1 = c->width, .y1 = c->height, .tile = TILE,
-                     .list_capacity = LIST, .scratch = scratch,
+    saga_job job = { .x1 = c->width,
+                     .y1 = c->height,
+                     .tile = TILE,
+                     .list_capacity = LIST,
+                     .scratch = scratch,
                      .scratch_nbytes = sizeof scratch };
     saga_status s;
 
@@ -46,8 +52,9 @@ static int nearer(const void *a, const void *b)
 {
     const seen *const p = a, *const q = b;
 
-    return p->depth != q->depth ? (p->depth < q->depth ? -1 : 1)
-         : p->index < q->index ? -1 : p->index > q->index;
+    return p->depth != q->depth  ? (p->depth < q->depth ? -1 : 1)
+           : p->index < q->index ? -1
+                                 : p->index > q->index;
 }
 
 /* Lists the primitives that a camera sees, in drawing order. */
@@ -79,7 +86,7 @@ static void check_colours(uint32_t tools)
     FREED seen *list;
     FREED saga_splat *made;
     FREED uint32_t *index;
-    FREED int32_t (*middle)[3];
+    FREED int32_t(*middle)[3];
     uint32_t crc, again, n;
 
     o.tools = tools;
@@ -104,7 +111,7 @@ static void check_colours(uint32_t tools)
     for (int given = 0; given < 2; given++) {
         memset(made, 1, n * sizeof *made);
         assert_ok(saga_colours_at(made, p.dec, index, n, c.centre,
-                                  given ? (const int32_t (*)[3])middle : NULL));
+                                  given ? (const int32_t(*)[3])middle : NULL));
         for (uint32_t i = 0; i < n; i++) {
             uint16_t colour[3];
             saga_splat s;
@@ -120,7 +127,7 @@ static void check_colours(uint32_t tools)
     memset(made, 1, n * sizeof *made);
     middle[n - 1][2] = -(1 << 29) - 1;
     assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre,
-                                     (const int32_t (*)[3])middle),
+                                     (const int32_t(*)[3])middle),
                      SAGA_ERR_ARG);
     index[n - 1] = p.info.max_primitives + p.info.base_primitives;
     assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre, NULL),
@@ -209,20 +216,19 @@ TEST(visible_primitives_should_be_those_that_are_drawn)
         invisible += check_visible(p.dec, 1, t);
     }
     assert_true(invisible > 0);
-    assert_int_equal(saga_visible_at(got, &n_got, p.dec,
-                                     report.n_primitives - 1, 2, 0),
-                     SAGA_ERR_ARG);
-    assert_int_equal(saga_visible_at(got, &n_got, p.dec,
-                                     report.n_primitives + 1, 0, 0),
-                     SAGA_ERR_ARG);
+    assert_int_equal(
+        saga_visible_at(got, &n_got, p.dec, report.n_primitives - 1, 2, 0),
+        SAGA_ERR_ARG);
+    assert_int_equal(
+        saga_visible_at(got, &n_got, p.dec, report.n_primitives + 1, 0, 0),
+        SAGA_ERR_ARG);
     assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 1, 65536),
                      SAGA_ERR_ARG);
     assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 1, -1),
                      SAGA_ERR_ARG);
     assert_int_equal(saga_primitive_at(&got[0].at, p.dec, 0, 65536),
                      SAGA_ERR_ARG);
-    assert_int_equal(saga_primitive_at(&got[0].at, p.dec, 0, -1),
-                     SAGA_ERR_ARG);
+    assert_int_equal(saga_primitive_at(&got[0].at, p.dec, 0, -1), SAGA_ERR_ARG);
     assert_int_equal(n_got, 7);
     assert_ok(saga_visible_at(got, &n_got, p.dec, report.n_primitives, 0, 0));
     assert_int_equal(n_got, 0);
@@ -280,16 +286,18 @@ TEST(calls_out_of_order_should_be_refused)
     player_decode(&p, 1);
     p.bytes[p.n - 1] ^= 1;
     seg = player_find(&p, 1);
-    assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset, seg.nbytes,
-                                 NULL), SAGA_ERR_DATA);
+    assert_int_equal(
+        saga_decode(p.dec, &seg, p.bytes + seg.offset, seg.nbytes, NULL),
+        SAGA_ERR_DATA);
     assert_nothing_decoded(p.dec, &p.camera);
 }
 
 /* Every length a segment may be cut to. */
 TEST(cut_segment_should_be_refused)
 {
-    const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
-                            .tools_fixed = 1 };
+    const gen_options o = {
+        .seed = 3, .level = 0, .n_coarse = 2, .tools_fixed = 1
+    };
     FREED_BY(player_close) player p;
     saga_segment seg;
 
@@ -300,15 +308,16 @@ TEST(cut_segment_should_be_refused)
 
         memcpy(copy, p.bytes + seg.offset, n);
         assert_int_equal(saga_decode(p.dec, &seg, copy, n, NULL),
-                                     SAGA_ERR_TRUNCATED);
+                         SAGA_ERR_TRUNCATED);
     }
 }
 
 /* Every length a head may be cut to. */
 TEST(cut_head_should_be_refused)
 {
-    const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
-                            .tools_fixed = 1 };
+    const gen_options o = {
+        .seed = 3, .level = 0, .n_coarse = 2, .tools_fixed = 1
+    };
     FREED_BY(player_close) player p;
     saga_segment seg;
     saga_decoder *dec;
@@ -318,9 +327,9 @@ TEST(cut_head_should_be_refused)
         FREED uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes, n);
-        assert_int_equal(saga_open(&dec, p.work, p.info.work_nbytes, copy, n,
-                                   NULL),
-                         SAGA_ERR_TRUNCATED);
+        assert_int_equal(
+            saga_open(&dec, p.work, p.info.work_nbytes, copy, n, NULL),
+            SAGA_ERR_TRUNCATED);
         assert_null(dec);
         assert_int_equal(saga_find(&seg, copy, n, 0, 1), SAGA_ERR_TRUNCATED);
     }

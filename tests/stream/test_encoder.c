@@ -61,8 +61,14 @@ static void prim_under(gen_stream *g)
     g->segment[0].prim_offset[2] = INT32_MIN;
 }
 
-static void split_over(gen_stream *g) { g->segment[0].split[0] = 4; }
-static void no_child(gen_stream *g) { g->segment[0].occupancy[0] = 0; }
+static void split_over(gen_stream *g)
+{
+    g->segment[0].split[0] = 4;
+}
+static void no_child(gen_stream *g)
+{
+    g->segment[0].occupancy[0] = 0;
+}
 
 static void fewer_nodes(gen_stream *g)
 {
@@ -71,19 +77,28 @@ static void fewer_nodes(gen_stream *g)
 
 static void more_children(gen_stream *g)
 {
-    g->segment[0].n_fine[0] = (uint8_t)
-        (g->header.model.tier[SAGA_TIER_COARSE].max_children + 1);
+    g->segment[0].n_fine[0] =
+        (uint8_t)(g->header.model.tier[SAGA_TIER_COARSE].max_children + 1);
 }
 
 static void more_prims(gen_stream *g)
 {
-    g->segment[0].n_prim[0] = (uint8_t)
-        (g->header.model.tier[SAGA_TIER_FINE].max_children + 1);
+    g->segment[0].n_prim[0] =
+        (uint8_t)(g->header.model.tier[SAGA_TIER_FINE].max_children + 1);
 }
 
-static void coarse_less(gen_stream *g) { g->segment[0].n.coarse--; }
-static void fine_less(gen_stream *g) { g->segment[0].n.fine--; }
-static void prim_less(gen_stream *g) { g->segment[0].n.prim--; }
+static void coarse_less(gen_stream *g)
+{
+    g->segment[0].n.coarse--;
+}
+static void fine_less(gen_stream *g)
+{
+    g->segment[0].n.fine--;
+}
+static void prim_less(gen_stream *g)
+{
+    g->segment[0].n.prim--;
+}
 
 static void deep(gen_stream *g)
 {
@@ -139,7 +154,10 @@ static void more_nodes(gen_stream *g)
     g->segment[0].n_nodes++;
 }
 
-static void no_frames(gen_stream *g) { g->n_frames[0] = 0; }
+static void no_frames(gen_stream *g)
+{
+    g->n_frames[0] = 0;
+}
 
 /* Makes a stream in which each function above finds what it changes. */
 static void make_rich(gen_stream *g)
@@ -152,10 +170,9 @@ static void make_rich(gen_stream *g)
 
         *g = gen_stream_make(&o);
         if (s->n.coarse > 8 && s->n.prim > 100 && s->n_fine[0] > 1 &&
-            s->n_prim[0] > 1 && s->split[0] != 0 &&
-            l[0].suffix_bits > 2 && l[0].suffix_bits < 8 &&
-            l[1].suffix_bits > 2 && l[1].suffix_bits < 8 &&
-            memchr(s->split, 1, s->n_nodes))
+            s->n_prim[0] > 1 && s->split[0] != 0 && l[0].suffix_bits > 2 &&
+            l[0].suffix_bits < 8 && l[1].suffix_bits > 2 &&
+            l[1].suffix_bits < 8 && memchr(s->split, 1, s->n_nodes))
             return;
         gen_stream_free(g);
     }
@@ -271,11 +288,26 @@ static void net_step_over(gen_stream *g)
     first_layer(g)->step_q16 = 65536;
 }
 
-static void net_step_zero(gen_stream *g) { first_layer(g)->step_q16 = 0; }
-static void net_step_shift(gen_stream *g) { first_layer(g)->step_shift = 32; }
-static void net_bias_shift(gen_stream *g) { first_layer(g)->bias_shift = 32; }
-static void net_scale(gen_stream *g) { first_layer(g)->weight_scale = 64; }
-static void net_bias_scale(gen_stream *g) { first_layer(g)->bias_scale = 64; }
+static void net_step_zero(gen_stream *g)
+{
+    first_layer(g)->step_q16 = 0;
+}
+static void net_step_shift(gen_stream *g)
+{
+    first_layer(g)->step_shift = 32;
+}
+static void net_bias_shift(gen_stream *g)
+{
+    first_layer(g)->bias_shift = 32;
+}
+static void net_scale(gen_stream *g)
+{
+    first_layer(g)->weight_scale = 64;
+}
+static void net_bias_scale(gen_stream *g)
+{
+    first_layer(g)->bias_scale = 64;
+}
 
 static void net_scale_mode(gen_stream *g)
 {
@@ -315,8 +347,14 @@ static void net_column_below_0(gen_stream *g)
     drop_to(g, SAGA_SCALE_COLUMN, 2 * SAGA_DROP - 1, 2);
 }
 
-static void net_row_shift_25(gen_stream *g) { first_layer(g)->shift[0] = 25; }
-static void net_row_shift_32(gen_stream *g) { first_layer(g)->shift[0] = 32; }
+static void net_row_shift_25(gen_stream *g)
+{
+    first_layer(g)->shift[0] = 25;
+}
+static void net_row_shift_32(gen_stream *g)
+{
+    first_layer(g)->shift[0] = 32;
+}
 
 static void net_overflow(gen_stream *g)
 {
@@ -392,7 +430,10 @@ static void finer_to(gen_stream *g, int k, uint8_t finer)
     l->bias[0] = 0;
 }
 
-static void net_finer_by_2(gen_stream *g) { finer_to(g, 3, 2); }
+static void net_finer_by_2(gen_stream *g)
+{
+    finer_to(g, 3, 2);
+}
 
 /* 2 * 32767 <= 65538, the most that weights may sum up to. */
 TEST(encoder_should_take_rows_by_what_formats_leave)

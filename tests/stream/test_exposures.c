@@ -13,9 +13,14 @@
 
 static saga_bytes make(int exposed, int named, int base)
 {
-    const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .exposed = exposed,
-                            .named = named, .sounds = 1, .n_segments = 2,
+    const gen_options o = { .seed = 5,
+                            .level = 1,
+                            .n_coarse = 3,
+                            .tools_fixed = 1,
+                            .exposed = exposed,
+                            .named = named,
+                            .sounds = 1,
+                            .n_segments = 2,
                             .base = base };
     saga_bytes f;
 
@@ -41,8 +46,9 @@ TEST(exposures_should_come_back)
         saga_exposure got = { { 1, 2, 3 } };
 
         assert_gains(f.data, f.nbytes);
-        assert_int_equal(saga_find_exposure(&got, f.data, f.nbytes,
-                                            GEN_MAX_CAMERAS), SAGA_ERR_ARG);
+        assert_int_equal(
+            saga_find_exposure(&got, f.data, f.nbytes, GEN_MAX_CAMERAS),
+            SAGA_ERR_ARG);
         assert_int_equal(got.gain_q12[2], 3);
         saga_bytes_free(&f);
         f = make(0, i & 1, i >> 1);
@@ -67,8 +73,8 @@ TEST(exposures_should_move_sound_and_segments_and_change_neither)
     assert_int_equal(a.nbytes, b.nbytes);
     assert_memory_equal(with.data + a.offset, without.data + b.offset,
                         a.nbytes);
-    for (uint32_t frame = 0; saga_find(&s, with.data, with.nbytes, frame, 1) ==
-                             SAGA_OK; frame++) {
+    for (uint32_t frame = 0;
+         saga_find(&s, with.data, with.nbytes, frame, 1) == SAGA_OK; frame++) {
         assert_ok(saga_find(&t, without.data, without.nbytes, frame, 1));
         assert_int_equal(s.offset - t.offset, nbytes);
         assert_int_equal(s.nbytes, t.nbytes);
@@ -121,8 +127,9 @@ TEST(exposures_should_be_refused_when_cut_or_changed)
 TEST(every_part_of_a_film_should_have_the_exposures)
 {
     saga_bytes f = make(1, 1, 1);
-    saga_splice_part part[2] = { { .name = "it", .bytes = f.data,
-                                   .nbytes = f.nbytes } };
+    saga_splice_part part[2] = {
+        { .name = "it", .bytes = f.data, .nbytes = f.nbytes }
+    };
     saga_error error = { "" };
     saga_layout layout;
     saga_segment first;
@@ -137,8 +144,8 @@ TEST(every_part_of_a_film_should_have_the_exposures)
     assert_true(saga_splice(&cut[1], &n[1], part, 1, &error));
     for (int i = 0; i < 2; i++) {
         assert_gains(cut[i], n[i]);
-        part[i] = (saga_splice_part){ .name = "it", .bytes = cut[i],
-                                      .nbytes = n[i] };
+        part[i] =
+            (saga_splice_part){ .name = "it", .bytes = cut[i], .nbytes = n[i] };
     }
     assert_true(saga_splice(&joined, &n_joined, part, 2, &error));
     assert_gains(joined, n_joined);

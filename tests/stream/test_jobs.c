@@ -30,8 +30,11 @@ static void make_scene(player *s, const gen_options *o)
 
 static gen_options options_of(uint32_t i)
 {
-    const gen_options o = { .seed = testing_seed(1) + 10 + i, .level = i % 2,
-                            .n_coarse = 16, .picture = 1, .tools_fixed = 1,
+    const gen_options o = { .seed = testing_seed(1) + 10 + i,
+                            .level = i % 2,
+                            .n_coarse = 16,
+                            .picture = 1,
+                            .tools_fixed = 1,
                             .tools = (31 + 9 * i) % 32 };
 
     return o;
@@ -43,8 +46,8 @@ static gen_options options_of(uint32_t i)
 typedef struct {
     int32_t tile;
     uint32_t list;
-    uint32_t n_tiles;        /* approximate number of tiles for which the
-                              * scratch has room */
+    uint32_t n_tiles; /* approximate number of tiles for which the
+                       * scratch has room */
     uint32_t budget;
     int bits;
 } division;
@@ -64,7 +67,11 @@ static void draw_rect(const player *s, const division *d, int32_t x0,
                       const saga_picture *picture)
 {
     saga_status status;
-    saga_job job = { .x0 = x0, .y0 = y0, .x1 = x1, .y1 = y1, .tile = d->tile,
+    saga_job job = { .x0 = x0,
+                     .y0 = y0,
+                     .x1 = x1,
+                     .y1 = y1,
+                     .tile = d->tile,
                      .list_capacity = d->list };
 
     job.scratch_nbytes = scratch_nbytes(d);
@@ -76,7 +83,7 @@ static void draw_rect(const player *s, const division *d, int32_t x0,
     while (status == SAGA_AGAIN);
     free(job.scratch);
     if (status != SAGA_OK)
-        abort();             /* also called by threads */
+        abort(); /* also called by threads */
 }
 
 static size_t line_nbytes(const player *s, const division *d)
@@ -98,8 +105,8 @@ static uint8_t *draw(const player *s, const division *d)
 static uint32_t crc_of(const player *s, const division *d)
 {
     FREED uint8_t *const p = draw(s, d);
-    const uint32_t crc = saga_crc32c(0, p, line_nbytes(s, d) *
-                                           s->camera.height);
+    const uint32_t crc = saga_crc32c(0, p,
+                                     line_nbytes(s, d) * s->camera.height);
 
     return crc;
 }
@@ -367,8 +374,8 @@ static void check_rect(const player *s, const uint8_t *whole, int bits,
 TEST(job_should_begin_at_the_first_sample)
 {
     static const int32_t rects[][4] = {
-        { 0, 0, 160, 120 }, { 5, 7, 6, 8 }, { 159, 119, 160, 120 },
-        { 3, 0, 131, 1 }, { 0, 50, 1, 120 }, { 17, 33, 100, 99 },
+        { 0, 0, 160, 120 },  { 5, 7, 6, 8 },    { 159, 119, 160, 120 },
+        { 3, 0, 131, 1 },    { 0, 50, 1, 120 }, { 17, 33, 100, 99 },
         { 64, 64, 128, 120 }
     };
     static const int32_t tiles[] = { 8, 16, 32, 64 };
@@ -425,12 +432,12 @@ TEST(jobs_that_cannot_be_should_be_refused)
     scratch = must(malloc(SAGA_JOB_NBYTES(16, 10) + 4));
     memset(p, CANARY, 2 * n);
     good_call(&good, &s, p, n, scratch);
-#define REFUSED(status, change) \
-    do { \
-        c = good; \
-        change; \
+#define REFUSED(status, change)                                          \
+    do {                                                                 \
+        c = good;                                                        \
+        change;                                                          \
         assert_int_equal(saga_draw(s.dec, &c.job, &c.picture, 1u << 30), \
-                         status); \
+                         status);                                        \
     } while (0)
     REFUSED(SAGA_ERR_ARG, c.job.tile = 0);
     REFUSED(SAGA_ERR_ARG, c.job.tile = 24);
@@ -450,9 +457,9 @@ TEST(jobs_that_cannot_be_should_be_refused)
     REFUSED(SAGA_ERR_SPACE, c.job.scratch_nbytes--);
     REFUSED(SAGA_ERR_SPACE, c.job.list_capacity = UINT32_MAX);
     REFUSED(SAGA_ERR_ALIGN, c.job.scratch = scratch + 1);
-    REFUSED(SAGA_ERR_ALIGN, (c.picture.bits = 16, c.picture.rgb = p + 1,
-                             c.picture.stride_nbytes *= 2,
-                             c.picture.nbytes *= 2));
+    REFUSED(SAGA_ERR_ALIGN,
+            (c.picture.bits = 16, c.picture.rgb = p + 1,
+             c.picture.stride_nbytes *= 2, c.picture.nbytes *= 2));
 #undef REFUSED
     for (n *= 2; n > 0; n--)
         assert_int_equal(p[n - 1], CANARY);

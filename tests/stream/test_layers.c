@@ -32,13 +32,17 @@ static void play(player *p, const gen_stream *g)
 
 static gen_options options_of(uint32_t i)
 {
-    const gen_options o = {
-        .seed = 80 + i, .level = 1, .n_coarse = 8, .picture = 1,
-        .tools_fixed = 1,
-        .tools = i % 2 ? SAGA_TOOLS_PICTURE : SAGA_TOOL_SLOPE,
-        .n_segments = N_SEGMENTS, .n_layers = N_LAYERS,
-        .bank = (int)(i % 3), .no_fuse = i % 4
-    };
+    const gen_options o = { .seed = 80 + i,
+                            .level = 1,
+                            .n_coarse = 8,
+                            .picture = 1,
+                            .tools_fixed = 1,
+                            .tools = i % 2 ? SAGA_TOOLS_PICTURE
+                                           : SAGA_TOOL_SLOPE,
+                            .n_segments = N_SEGMENTS,
+                            .n_layers = N_LAYERS,
+                            .bank = (int)(i % 3),
+                            .no_fuse = i % 4 };
 
     return o;
 }
@@ -67,8 +71,8 @@ static gen_stream first_layers(const gen_stream *g, uint32_t n)
     return less;
 }
 
-static void assert_same_primitive(const player *a, uint32_t i,
-                                  const player *b, uint32_t k)
+static void assert_same_primitive(const player *a, uint32_t i, const player *b,
+                                  uint32_t k)
 {
     const saga_animated x = player_primitive(a, i, 1000);
     const saga_animated y = player_primitive(b, k, 1000);
@@ -126,7 +130,7 @@ static int nearest(const taken_apart *t, const uint32_t at[N_LAYERS])
     for (int k = 0; k < t->n; k++)
         if (at[k] < t->part[k].report.n_splats &&
             (best < 0 || player_splat(&t->part[k], at[k]).depth <
-                         player_splat(&t->part[best], at[best]).depth))
+                             player_splat(&t->part[best], at[best]).depth))
             best = k;
     return best;
 }
@@ -147,8 +151,7 @@ static void assert_parts_are_drawn(taken_apart *t, uint32_t n_seen[N_LAYERS])
         want = player_splat(&t->part[of], at[of]++);
         n_seen[of]++;
         /* Padding follows the last field. */
-        assert_memory_equal(&s, &want,
-                            offsetof(saga_splat, y1) + sizeof s.y1);
+        assert_memory_equal(&s, &want, offsetof(saga_splat, y1) + sizeof s.y1);
     }
     for (int k = 0; k < t->n; k++)
         assert_int_equal(at[k], t->part[k].report.n_splats);
@@ -163,8 +166,10 @@ TEST(layers_should_be_what_their_symbols_are_alone)
         FREED_BY(end) taken_apart t;
         FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        take_apart(&t, &g, (const saga_symbols *[]){
-                       &g.segment[0], &g.segment[1], &g.segment[2] }, 3);
+        take_apart(&t, &g,
+                   (const saga_symbols *[]){ &g.segment[0], &g.segment[1],
+                                             &g.segment[2] },
+                   3);
         assert_int_equal(t.all.report.n_layers, N_LAYERS);
         assert_parts_are_primitives(&t);
         assert_parts_are_drawn(&t, n_seen);
@@ -176,11 +181,16 @@ TEST(layers_should_be_what_their_symbols_are_alone)
 
 static gen_options with_base(uint32_t i, uint32_t tools)
 {
-    const gen_options o = {
-        .seed = 40 + i, .level = 1, .n_coarse = 8, .picture = 1,
-        .tools_fixed = 1, .tools = tools, .n_segments = N_SEGMENTS,
-        .base = 1, .bank = (int)(i % 3), .no_fuse = i % 4
-    };
+    const gen_options o = { .seed = 40 + i,
+                            .level = 1,
+                            .n_coarse = 8,
+                            .picture = 1,
+                            .tools_fixed = 1,
+                            .tools = tools,
+                            .n_segments = N_SEGMENTS,
+                            .base = 1,
+                            .bank = (int)(i % 3),
+                            .no_fuse = i % 4 };
 
     return o;
 }
@@ -332,8 +342,9 @@ TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
         g = gen_stream_make(&o);
         gen_stream_encode(&g, &bytes, &n);
         for (uint32_t k = 1; k <= N_LAYERS; k++) {
-            const saga_splice_part part = { .name = "it", .bytes = bytes,
-                                            .nbytes = n, .n_layers = k };
+            const saga_splice_part part = {
+                .name = "it", .bytes = bytes, .nbytes = n, .n_layers = k
+            };
             gen_stream less = first_layers(&g, k);
             uint8_t *cut, *want;
             size_t n_cut, n_want;
@@ -365,10 +376,11 @@ TEST(more_layers_than_there_are_should_be_refused)
     part.nbytes = p.n;
     assert_false(saga_splice(&cut, &n, &part, 1, &error));
     assert_non_null(strstr(error.message, "its layers: 3; asked for: 4"));
-    assert_int_equal(saga_find_layer(&layer, p.dec, &p.seg, p.bytes +
-                                     p.seg.offset, p.seg.nbytes, N_LAYERS),
+    assert_int_equal(saga_find_layer(&layer, p.dec, &p.seg,
+                                     p.bytes + p.seg.offset, p.seg.nbytes,
+                                     N_LAYERS),
                      SAGA_ERR_ARG);
-    assert_int_equal(saga_find_layer(&layer, p.dec, &p.seg, p.bytes +
-                                     p.seg.offset, 71, 0),
-                     SAGA_ERR_TRUNCATED);
+    assert_int_equal(
+        saga_find_layer(&layer, p.dec, &p.seg, p.bytes + p.seg.offset, 71, 0),
+        SAGA_ERR_TRUNCATED);
 }

@@ -10,9 +10,13 @@ enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40, SLACK = 8 };
 
 /* --- A file, a decoder, a picture ---------------------------------------- */
 
-static const gen_options options = { .seed = 5, .level = 1, .n_coarse = 24,
-                                     .n_segments = 2, .picture = 1,
-                                     .tools_fixed = 1, .tools = 0 };
+static const gen_options options = { .seed = 5,
+                                     .level = 1,
+                                     .n_coarse = 24,
+                                     .n_segments = 2,
+                                     .picture = 1,
+                                     .tools_fixed = 1,
+                                     .tools = 0 };
 
 static void view(player *p, uint32_t camera, int32_t t)
 {
@@ -224,18 +228,41 @@ static int change_field(painter *a, int i)
     saga_job *const j = &a->job;
 
     switch (i) {
-    case 0: j->x0 = 8; return 1;
-    case 1: j->y0 = TILE; return 1;
-    case 2: j->x1 = SIDE - 8; return 1;
-    case 3: j->y1 = SIDE - 1; return 1;
-    case 4: j->tile = TILE / 2; return 1;
-    case 5: j->list_capacity = 1; return 1;
-    case 6: j->list_capacity = LIST - 1; return 1;
-    case 7: j->scratch = a->scratch + SLACK; return 1;
-    case 8: j->scratch_nbytes += SLACK; return 1;
-    case 9: a->picture.bits = 16; return 1;
-    case 10: a->picture.bits = SAGA_DEPTH; return 1;
-    default: return 0;
+    case 0:
+        j->x0 = 8;
+        return 1;
+    case 1:
+        j->y0 = TILE;
+        return 1;
+    case 2:
+        j->x1 = SIDE - 8;
+        return 1;
+    case 3:
+        j->y1 = SIDE - 1;
+        return 1;
+    case 4:
+        j->tile = TILE / 2;
+        return 1;
+    case 5:
+        j->list_capacity = 1;
+        return 1;
+    case 6:
+        j->list_capacity = LIST - 1;
+        return 1;
+    case 7:
+        j->scratch = a->scratch + SLACK;
+        return 1;
+    case 8:
+        j->scratch_nbytes += SLACK;
+        return 1;
+    case 9:
+        a->picture.bits = 16;
+        return 1;
+    case 10:
+        a->picture.bits = SAGA_DEPTH;
+        return 1;
+    default:
+        return 0;
     }
 }
 
@@ -389,8 +416,8 @@ TEST(job_should_be_refused_when_the_block_has_another_film)
                         q.info.head_nbytes, NULL));
     q.seg = player_find(&q, 0);
     assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
-    assert_ok(saga_decode(dec, &q.seg, q.bytes + q.seg.offset, q.seg.nbytes,
-                          NULL));
+    assert_ok(
+        saga_decode(dec, &q.seg, q.bytes + q.seg.offset, q.seg.nbytes, NULL));
     assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
     assert_ok(saga_view(dec, &q.camera, 0));
     assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
@@ -410,14 +437,16 @@ TEST(segment_should_be_refused_when_another_is_named)
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
                                      p.bytes + seg[i].offset, seg[i].nbytes,
                                      NULL),
-                         seg[i].nbytes < seg[1 - i].nbytes
-                             ? SAGA_ERR_TRUNCATED : SAGA_ERR_DATA);
+                         seg[i].nbytes < seg[1 - i].nbytes ? SAGA_ERR_TRUNCATED
+                                                           : SAGA_ERR_DATA);
     for (int i = 0; i < 3; i++) {
         wrong = seg[0];
-        *(i == 0 ? &wrong.number : i == 1 ? &wrong.first_frame
-                                          : &wrong.n_frames) += 1;
+        *(i == 0   ? &wrong.number
+          : i == 1 ? &wrong.first_frame
+                   : &wrong.n_frames) += 1;
         assert_int_equal(saga_decode(p.dec, &wrong, p.bytes + wrong.offset,
-                                     wrong.nbytes, NULL), SAGA_ERR_DATA);
+                                     wrong.nbytes, NULL),
+                         SAGA_ERR_DATA);
     }
     player_decode(&p, 0);
 }
@@ -438,8 +467,9 @@ TEST(segment_should_be_refused_when_of_another_file)
         const saga_segment seg = player_find(&p, i);
 
         player_decode(&q, i);
-        assert_int_equal(saga_decode(q.dec, &seg, p.bytes + seg.offset,
-                                     seg.nbytes, NULL), SAGA_ERR_DATA);
+        assert_int_equal(
+            saga_decode(q.dec, &seg, p.bytes + seg.offset, seg.nbytes, NULL),
+            SAGA_ERR_DATA);
     }
     player_close(&p);
     player_close(&q);

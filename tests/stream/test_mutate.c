@@ -21,9 +21,9 @@
 #include <unistd.h>
 
 enum {
-    PER_BASE = 64,           /* streams made of one base */
-    BASE_NBYTES = 12000,     /* the most bytes of a base that is not drawn */
-    WALL_SECONDS = 120,      /* limit for one stream, then the program ends */
+    PER_BASE = 64,       /* streams made of one base */
+    BASE_NBYTES = 12000, /* the most bytes of a base that is not drawn */
+    WALL_SECONDS = 120,  /* limit for one stream, then the program ends */
     CPU_SECONDS = 20
 };
 
@@ -119,12 +119,13 @@ static void keep_base(base *b, uint64_t number)
 static mutate_class class_of(uint64_t number)
 {
     static const mutate_class classes[] = {
-        MUTATE_RAW, MUTATE_RAW_SIGNED, MUTATE_IN_PRIM, MUTATE_IN_HEADER,
-        MUTATE_IN_FINE, MUTATE_IN_NETWORKS, MUTATE_IN_COARSE, MUTATE_IN_INDEX,
-        MUTATE_IN_PRIM, MUTATE_RAW_SIGNED, MUTATE_IN_FINE, MUTATE_IN_COUNTS,
-        MUTATE_IN_COARSE, MUTATE_IN_NETWORKS, MUTATE_IN_ORDER,
-        MUTATE_IN_HEADER, MUTATE_IN_PRIM, MUTATE_RAW, MUTATE_IN_FINE,
-        MUTATE_IN_BASE
+        MUTATE_RAW,        MUTATE_RAW_SIGNED,  MUTATE_IN_PRIM,
+        MUTATE_IN_HEADER,  MUTATE_IN_FINE,     MUTATE_IN_NETWORKS,
+        MUTATE_IN_COARSE,  MUTATE_IN_INDEX,    MUTATE_IN_PRIM,
+        MUTATE_RAW_SIGNED, MUTATE_IN_FINE,     MUTATE_IN_COUNTS,
+        MUTATE_IN_COARSE,  MUTATE_IN_NETWORKS, MUTATE_IN_ORDER,
+        MUTATE_IN_HEADER,  MUTATE_IN_PRIM,     MUTATE_RAW,
+        MUTATE_IN_FINE,    MUTATE_IN_BASE
     };
 
     return classes[number % (sizeof classes / sizeof *classes)];
@@ -160,7 +161,7 @@ static int is_unchanged(const base *b, const mutate_result *result,
 typedef struct {
     uint32_t count[MUTATE_N_CLASSES][MUTATE_N_STAGES];
     uint32_t unchanged;
-    double slowest;          /* CPU seconds */
+    double slowest; /* CPU seconds */
     uint64_t slowest_number;
 } table;
 
@@ -236,7 +237,8 @@ static void assert_depth(const table *t, uint32_t n)
     for (int c = MUTATE_RAW_SIGNED; c < MUTATE_N_CLASSES; c++)
         segments += c == MUTATE_IN_NETWORKS ? 0 : reached(t, c);
     printf("reconstructed: %" PRIu32 " of %" PRIu32 ", and %" PRIu32
-           " with damaged networks\n", segments, n, networks);
+           " with damaged networks\n",
+           segments, n, networks);
     if (n >= 1000) {
         assert_true(segments >= n / 10);
         assert_true(networks > 0);

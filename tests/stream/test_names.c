@@ -17,8 +17,12 @@ typedef struct {
 
 static file make_with(int named, int base)
 {
-    const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .named = named, .base = base };
+    const gen_options o = { .seed = 5,
+                            .level = 1,
+                            .n_coarse = 3,
+                            .tools_fixed = 1,
+                            .named = named,
+                            .base = base };
     file f;
 
     f.p = gen_stream_bytes(&o, &f.n);
@@ -43,9 +47,9 @@ static void replace(file *f, const void *payload, size_t n)
     assert_true(f->info.head_nbytes + SAGA_CHUNK_NBYTES + n <= f->n);
     memcpy(at + SAGA_CHUNK_NBYTES, payload, n);
     copy.crc = saga_chunk_crc((uint32_t)nets[0] | (uint32_t)nets[1] << 8 |
-                              (uint32_t)nets[2] << 16 |
-                              (uint32_t)nets[3] << 24, &c,
-                              at + SAGA_CHUNK_NBYTES);
+                                  (uint32_t)nets[2] << 16 |
+                                  (uint32_t)nets[3] << 24,
+                              &c, at + SAGA_CHUNK_NBYTES);
     saga_chunk_io(&io, &copy);
     f->n = f->info.head_nbytes + SAGA_CHUNK_NBYTES + n;
 }
@@ -143,21 +147,30 @@ TEST(names_should_be_refused_when_cut_or_changed)
 }
 
 #define UNIT "\0\0\0\0\0\0\0\0"
-#define SAY(text) { text, sizeof text - 1 }
+#define SAY(text)             \
+    {                         \
+        text, sizeof text - 1 \
+    }
 
 TEST(payload_should_be_refused_when_wrong)
 {
-    static const struct { const char *p; size_t n; } wrong[] = {
-        SAY(""), SAY("\0\0\0\0\0\0\0"), SAY(UNIT), SAY(UNIT "\0"),
-        SAY(UNIT "\0\1a\0\0"),              /* a name too few */
-        SAY(UNIT "\0\1a\0\0\0\0\0\0"),      /* and one too many */
-        SAY(UNIT "\1\1a\0\0\0\0"),          /* shared with nothing */
-        SAY(UNIT "\0\1a\2\0\0\0"),          /* more shared bytes than exist */
-        SAY(UNIT "\0\2a\0\0\0"),            /* longer than the payload */
-        SAY(UNIT "\0\1\n\0\0\0\0"), SAY(UNIT "\0\1\x7f\0\0\0\0"),
-        SAY(UNIT "\0\1\0\0\0\0\0"), SAY(UNIT "\0\xff\0\0\0\0"),
-        SAY(UNIT "\0\0\0\0\0\0 ")
-    };
+    static const struct {
+        const char *p;
+        size_t n;
+    } wrong[] = { SAY(""),
+                  SAY("\0\0\0\0\0\0\0"),
+                  SAY(UNIT),
+                  SAY(UNIT "\0"),
+                  SAY(UNIT "\0\1a\0\0"),         /* a name too few */
+                  SAY(UNIT "\0\1a\0\0\0\0\0\0"), /* and one too many */
+                  SAY(UNIT "\1\1a\0\0\0\0"),     /* shared with nothing */
+                  SAY(UNIT "\0\1a\2\0\0\0"), /* more shared bytes than exist */
+                  SAY(UNIT "\0\2a\0\0\0"),   /* longer than the payload */
+                  SAY(UNIT "\0\1\n\0\0\0\0"),
+                  SAY(UNIT "\0\1\x7f\0\0\0\0"),
+                  SAY(UNIT "\0\1\0\0\0\0\0"),
+                  SAY(UNIT "\0\xff\0\0\0\0"),
+                  SAY(UNIT "\0\0\0\0\0\0 ") };
     char longest[8 + 6 + 64] = UNIT;
     saga_naming got;
 
@@ -191,21 +204,39 @@ TEST(payload_should_be_refused_when_wrong)
  * up to the middle of a character. */
 TEST(names_should_be_utf8)
 {
-    static const struct { const char *name; int is_good; } all[] = {
-        { "\x7e", 1 }, { "\xc2\x80", 1 }, { "\xdf\xbf", 1 },
-        { "\xe0\xa0\x80", 1 }, { "\xed\x9f\xbf", 1 },
-        { "\xee\x80\x80", 1 }, { "\xef\xbf\xbf", 1 },
-        { "\xf0\x90\x80\x80", 1 }, { "\xf4\x8f\xbf\xbf", 1 },
-        { "a\xc3\xa9z", 1 },
-        { "\x80", 0 }, { "\xbf", 0 }, { "a\xe9", 0 },   /* Latin-1 */
-        { "\xe9z", 0 }, { "\xc3", 0 }, { "\xc3z", 0 }, { "\xc3\xc3", 0 },
-        { "\xe2\x82", 0 }, { "\xe2\x82z", 0 }, { "\xf0\x9f\x8e", 0 },
-        { "\xc0\xaf", 0 }, { "\xc1\xbf", 0 },          /* overlong */
-        { "\xe0\x9f\xbf", 0 }, { "\xf0\x8f\xbf\xbf", 0 },
-        { "\xed\xa0\x80", 0 }, { "\xed\xbf\xbf", 0 },  /* surrogates */
-        { "\xf4\x90\x80\x80", 0 }, { "\xf5\x80\x80\x80", 0 },
-        { "\xff", 0 }, { "\xfe", 0 }
-    };
+    static const struct {
+        const char *name;
+        int is_good;
+    } all[] = { { "\x7e", 1 },
+                { "\xc2\x80", 1 },
+                { "\xdf\xbf", 1 },
+                { "\xe0\xa0\x80", 1 },
+                { "\xed\x9f\xbf", 1 },
+                { "\xee\x80\x80", 1 },
+                { "\xef\xbf\xbf", 1 },
+                { "\xf0\x90\x80\x80", 1 },
+                { "\xf4\x8f\xbf\xbf", 1 },
+                { "a\xc3\xa9z", 1 },
+                { "\x80", 0 },
+                { "\xbf", 0 },
+                { "a\xe9", 0 }, /* Latin-1 */
+                { "\xe9z", 0 },
+                { "\xc3", 0 },
+                { "\xc3z", 0 },
+                { "\xc3\xc3", 0 },
+                { "\xe2\x82", 0 },
+                { "\xe2\x82z", 0 },
+                { "\xf0\x9f\x8e", 0 },
+                { "\xc0\xaf", 0 },
+                { "\xc1\xbf", 0 }, /* overlong */
+                { "\xe0\x9f\xbf", 0 },
+                { "\xf0\x8f\xbf\xbf", 0 },
+                { "\xed\xa0\x80", 0 },
+                { "\xed\xbf\xbf", 0 }, /* surrogates */
+                { "\xf4\x90\x80\x80", 0 },
+                { "\xf5\x80\x80\x80", 0 },
+                { "\xff", 0 },
+                { "\xfe", 0 } };
     saga_naming got;
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
@@ -226,11 +257,13 @@ TEST(names_should_be_utf8)
 
 TEST(names_should_share_parts_of_characters)
 {
-    static const struct { const char *p; size_t n; int is_good; } all[] = {
-        { UNIT "\0\2\xc3\xa9\1\1\xa8\0\0", 8 + 9, 1 },
-        { UNIT "\0\2\xc3\xa9\1\1z\0\0", 8 + 9, 0 },
-        { UNIT "\0\2\xc3\xa9\1\0\0\0", 8 + 8, 0 }
-    };
+    static const struct {
+        const char *p;
+        size_t n;
+        int is_good;
+    } all[] = { { UNIT "\0\2\xc3\xa9\1\1\xa8\0\0", 8 + 9, 1 },
+                { UNIT "\0\2\xc3\xa9\1\1z\0\0", 8 + 9, 0 },
+                { UNIT "\0\2\xc3\xa9\1\0\0\0", 8 + 8, 0 } };
     saga_naming got;
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
@@ -253,8 +286,7 @@ TEST(names_should_be_missed_in_a_head_alone)
     saga_naming got;
 
     for (size_t n = f.info.head_nbytes; n < f.info.head_nbytes + 4; n++)
-        assert_int_equal(saga_name_camera(&got, f.p, n, 0),
-                         SAGA_ERR_TRUNCATED);
+        assert_int_equal(saga_name_camera(&got, f.p, n, 0), SAGA_ERR_TRUNCATED);
     assert_int_equal(saga_name_camera(&got, f.p, f.info.head_nbytes + 4, 0),
                      SAGA_ERR_ARG);
     free(f.p);

@@ -41,7 +41,7 @@ typedef struct {
     uint8_t *bytes;
     size_t n;
     saga_info info;
-    uint8_t *work;           /* info.work_nbytes, then canaries */
+    uint8_t *work; /* info.work_nbytes, then canaries */
     saga_decoder *dec;
 } player;
 
@@ -56,8 +56,8 @@ static void prepare(player *p)
     gen_stream_encode(&p->g, &p->bytes, &p->n);
     assert_ok(saga_probe(&p->info, p->bytes, p->n));
     assert_int_equal(p->info.work_nbytes % SAGA_WORK_ALIGN, 0);
-    p->work = must(aligned_alloc(SAGA_WORK_ALIGN,
-                                 p->info.work_nbytes + N_CANARIES));
+    p->work = must(
+        aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes + N_CANARIES));
     fill_block(p);
 }
 
@@ -152,8 +152,11 @@ static gen_options options_of(uint64_t seed, uint32_t i)
  * level 0. */
 static gen_options full_options(void)
 {
-    gen_options o = { .seed = testing_seed(1), .level = 0, .full = 1,
-                      .picture = 1, .tools_fixed = 1,
+    gen_options o = { .seed = testing_seed(1),
+                      .level = 0,
+                      .full = 1,
+                      .picture = 1,
+                      .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
                       .bank = GEN_BANK_ORTHOGONAL };
 
@@ -163,8 +166,8 @@ static gen_options full_options(void)
 
         n = g.segment[0].n;
         gen_stream_free(&g);
-        if (n.coarse == GEN_FULL_COARSE &&
-            n.fine == saga_caps[0].n_fine && n.prim == saga_caps[0].n_prim)
+        if (n.coarse == GEN_FULL_COARSE && n.fine == saga_caps[0].n_fine &&
+            n.prim == saga_caps[0].n_prim)
             return o;
     }
 }
@@ -287,9 +290,11 @@ static uint64_t work_of_document(const saga_header *h)
     const uint64_t s = m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR]
                                                  : 3;
     const uint64_t bank = m->tools & SAGA_TOOL_BANK
-        ? 2 * slots * to_16(m->bank_width) + 2 * slots * m->bank_width +
-              2 * slots * m->width[SAGA_NET_WRITE] + 6 * slots + to_16(388)
-        : 0;
+                              ? 2 * slots * to_16(m->bank_width) +
+                                    2 * slots * m->bank_width +
+                                    2 * slots * m->width[SAGA_NET_WRITE] +
+                                    6 * slots + to_16(388)
+                              : 0;
 
     return 768 + 2 * to_16(f) + nets_of_document(m) + to_16(6630) +
            to_16(4224) + to_16(72 * all) + to_16(2 * s * all) +
@@ -351,8 +356,8 @@ TEST(block_should_be_used_up_to_its_end)
         memset(s->n_prim, 0, s->n.fine);
         s->n.prim = 0;
         prepare(&p);
-        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
-                            NULL));
+        assert_ok(
+            saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n, NULL));
         assert_ok(decode(&p, p.dec, 0));
         /* A byte that was written with the canary's value looks untouched. */
         for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
@@ -377,9 +382,10 @@ TEST(tools_should_cost_nothing_when_off)
         begin(&p, &o);
         assert_ok(saga_head_read(&h, p.bytes, p.n));
         assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
-        assert_int_equal(h.header_nbytes, 178 + (o.bank ? 15 : 0) +
-                         (o.hash_levels ? 3 : 0) + (o.base ? 16 : 0) +
-                         GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
+        assert_int_equal(h.header_nbytes,
+                         178 + (o.bank ? 15 : 0) + (o.hash_levels ? 3 : 0) +
+                             (o.base ? 16 : 0) +
+                             GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,
                          o.bank ? saga_bank_lay(&size, NULL) : 0);
@@ -405,7 +411,8 @@ static uint32_t steps_of(const uint32_t *group, uint32_t n, uint32_t blocks)
 static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
 {
     return ((suffix >> 3 & 1u) + (suffix >> 2 & 1u) * 2 +
-            (suffix >> 1 & 1u) * 4 + (suffix & 1u) * 8) % n_groups;
+            (suffix >> 1 & 1u) * 4 + (suffix & 1u) * 8) %
+           n_groups;
 }
 
 /* Returns the rounds of a tier. The groups of coarse anchors are read from the
@@ -425,8 +432,10 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
     coarse = (const saga_coarse *)(const void *)(p->work + plan.coarse_at);
     for (uint32_t i = 0; i < n; i++)
-        group[i] = level == SAGA_TIER_COARSE ? coarse[i].group
-            : suffix_group(s->fine_suffix[i], m->tier[level].n_groups);
+        group[i] = level == SAGA_TIER_COARSE
+                       ? coarse[i].group
+                       : suffix_group(s->fine_suffix[i],
+                                      m->tier[level].n_groups);
     steps = steps_of(group, n, m->bank_blocks);
     return steps;
 }
@@ -441,8 +450,8 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
 
     saga_nets_layout(&nets, m);
     for (uint32_t i = 0; i < n_layers; i++)
-        macs += saga_plan_macs(m, &nets, &p->g.segment[number * n_layers +
-                                                       i].n, 0);
+        macs += saga_plan_macs(m, &nets, &p->g.segment[number * n_layers + i].n,
+                               0);
     return macs;
 }
 
@@ -497,8 +506,7 @@ TEST(most_steps_should_be_reached_and_never_passed)
         m.tier[0].n_groups = (uint8_t)gen_range(&r, 1, SAGA_MAX_GROUPS);
         m.bank_blocks = (uint16_t)gen_range(&r, 1, i & 2 ? 20 : 65535);
         assert_int_equal(saga_plan_rounds(&m, 0, n),
-                         most_steps(n, m.tier[0].n_groups,
-                                    m.bank_blocks));
+                         most_steps(n, m.tier[0].n_groups, m.bank_blocks));
         for (uint32_t k = 0; k < 200; k++)
             group[k] = (uint32_t)gen_range(&r, 0, m.tier[0].n_groups - 1);
         if (n <= 200)
@@ -555,13 +563,15 @@ TEST(macs_should_be_counted_exactly)
  * number. */
 TEST(points_should_be_what_the_vectors_hold)
 {
-    static const struct { uint16_t dim[4]; uint8_t n_layers, points; } net[] = {
-        { { 24, 8, 8, 8 }, 3, 8 }, { { 64, 64, 64, 32 }, 3, 8 },
-        { { 65, 8, 8 }, 2, 6 }, { { 8, 80, 96, 8 }, 3, 5 },
-        { { 8, 100, 112, 8 }, 3, 4 }, { { 3, 128, 8 }, 2, 4 },
-        { { 129, 8 }, 1, 3 }, { { 161, 8 }, 1, 2 }, { { 256, 64, 8 }, 2, 2 },
-        { { 257, 8 }, 1, 1 }, { { 512, 64, 128 }, 2, 1 }, { { 0, 8 }, 1, 8 }
-    };
+    static const struct {
+        uint16_t dim[4];
+        uint8_t n_layers, points;
+    } net[] = { { { 24, 8, 8, 8 }, 3, 8 },    { { 64, 64, 64, 32 }, 3, 8 },
+                { { 65, 8, 8 }, 2, 6 },       { { 8, 80, 96, 8 }, 3, 5 },
+                { { 8, 100, 112, 8 }, 3, 4 }, { { 3, 128, 8 }, 2, 4 },
+                { { 129, 8 }, 1, 3 },         { { 161, 8 }, 1, 2 },
+                { { 256, 64, 8 }, 2, 2 },     { { 257, 8 }, 1, 1 },
+                { { 512, 64, 128 }, 2, 1 },   { { 0, 8 }, 1, 8 } };
     const uint32_t n = sizeof net / sizeof net[0];
     saga_nets nets = { 0 };
 
@@ -610,17 +620,20 @@ TEST(info_should_be_that_of_the_header)
 
 /* --- The decoder is its block -------------------------------------------- */
 
-static const gen_options picture_options = {
-    .seed = 12, .level = 1, .n_coarse = 10, .picture = 1, .tools_fixed = 1,
-    .tools = SAGA_TOOLS_PICTURE, .n_segments = 2
-};
+static const gen_options picture_options = { .seed = 12,
+                                             .level = 1,
+                                             .n_coarse = 10,
+                                             .picture = 1,
+                                             .tools_fixed = 1,
+                                             .tools = SAGA_TOOLS_PICTURE,
+                                             .n_segments = 2 };
 
 /* Copies the block to another aligned place with other neighbours. */
 static saga_decoder *decoder_copy(const player *p, uint8_t **block)
 {
     const size_t n = p->info.work_nbytes;
-    uint8_t *const q = must(aligned_alloc(SAGA_WORK_ALIGN,
-                                          n + SAGA_WORK_ALIGN));
+    uint8_t *const q = must(
+        aligned_alloc(SAGA_WORK_ALIGN, n + SAGA_WORK_ALIGN));
 
     *block = q;
     memcpy(q + SAGA_WORK_ALIGN, p->work, n);
@@ -641,14 +654,14 @@ TEST(decoder_should_be_movable_at_any_time)
     assert_ok(saga_view(p.dec, &c, 20000));
     crc = draw(p.dec, &c);
     for (int when = 0; when < 3; when++) {
-        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
-                            NULL));
+        assert_ok(
+            saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n, NULL));
         if (when > 0)
             assert_ok(decode(&p, p.dec, 0));
         if (when > 1)
             assert_ok(saga_view(p.dec, &c, 20000));
         at = decoder_copy(&p, &block);
-        fill_block(&p);      /* the decoder was moved; erase the old place */
+        fill_block(&p); /* the decoder was moved; erase the old place */
         if (when < 1)
             assert_ok(decode(&p, at, 0));
         if (when < 2)
@@ -693,8 +706,8 @@ TEST(picture_should_not_depend_on_what_the_block_held)
     c = rig(&p, 2);
     for (int i = 0; i < 2; i++) {
         memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
-        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
-                            NULL));
+        assert_ok(
+            saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n, NULL));
         assert_ok(decode(&p, p.dec, 1));
         assert_ok(saga_view(p.dec, &c, 65535));
         crc[i] = draw(p.dec, &c);

@@ -40,9 +40,12 @@ uint32_t __wrap_saga_crc32c(uint32_t crc, const uint8_t *p, size_t n)
 /* Makes a change of bytes[0..n), which are not changed yet. */
 static change change_of(uint8_t *bytes, size_t n)
 {
-    change c = { .bytes = bytes, .was = must(malloc(n)),
-                 .other = must(malloc(n)), .n = n,
-                 .from = -1, .to = -1 };
+    change c = { .bytes = bytes,
+                 .was = must(malloc(n)),
+                 .other = must(malloc(n)),
+                 .n = n,
+                 .from = -1,
+                 .to = -1 };
 
     memcpy(c.was, bytes, n);
     memcpy(c.other, bytes, n);
@@ -74,9 +77,13 @@ static void change_free(change *c)
     free(c->other);
 }
 
-static const gen_options options = { .seed = 5, .level = 1, .n_coarse = 24,
-                                     .n_segments = 2, .tools_fixed = 1,
-                                     .named = 1, .base = 1 };
+static const gen_options options = { .seed = 5,
+                                     .level = 1,
+                                     .n_coarse = 24,
+                                     .n_segments = 2,
+                                     .tools_fixed = 1,
+                                     .named = 1,
+                                     .base = 1 };
 
 /* Changes the last four bytes before the header's CRC, a colour behind the last
  * camera's picture, so that the CRC is right. A CRC is linear: each bit of
@@ -86,7 +93,8 @@ static void keep_crc(uint8_t *head)
     const size_t end = fx_load32_le(head + SAGA_MAGIC_NBYTES) - 4;
     const uint32_t zero = __real_saga_crc32c(0, (uint8_t[4]){ 0 }, 4);
     uint32_t wrong = __real_saga_crc32c(0, head, end) ^
-                     fx_load32_le(head + end), with = 0;
+                     fx_load32_le(head + end),
+             with = 0;
     uint32_t row[32][2];
 
     /* Gauss-Jordan elimination: row k becomes the only one with bit k. */
@@ -152,11 +160,11 @@ TEST(open_should_stay_in_its_block_when_the_head_changes)
             continue;
         /* The film that was opened is the one for which the block was made. */
         n_opened++;
-        assert_ok(saga_decode(dec, &seg, p.bytes + seg.offset, seg.nbytes,
-                              NULL));
+        assert_ok(
+            saga_decode(dec, &seg, p.bytes + seg.offset, seg.nbytes, NULL));
         assert_ok(saga_tell(&report, dec));
-        assert_in_range(report.n_primitives, 1, p.info.max_primitives +
-                                                p.info.base_primitives);
+        assert_in_range(report.n_primitives, 1,
+                        p.info.max_primitives + p.info.base_primitives);
     } while (end(&c));
     assert_true(c.from > 4 && n_opened > 4);
 }

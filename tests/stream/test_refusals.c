@@ -11,14 +11,13 @@
 #include "saga.h"
 #include "testing.h"
 
-enum { MORE = 3000 };        /* bytes behind the end of a file */
+enum { MORE = 3000 }; /* bytes behind the end of a file */
 
 /* The calls that need only the start of a file. */
 enum { PROBE, OPEN, FIND, RIG, N_CALLS };
 
-static const char *const call_text[N_CALLS] = {
-    "saga_probe", "saga_open", "saga_find", "saga_rig"
-};
+static const char *const call_text[N_CALLS] = { "saga_probe", "saga_open",
+                                                "saga_find", "saga_rig" };
 
 /* Opens a decoder at the beginning of a block, which the caller frees; returns
  * NULL if it is refused. */
@@ -77,9 +76,10 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
         const saga_status whole = status_of(call, more, n + MORE);
         saga_status before = SAGA_ERR_TRUNCATED, s;
 
-        for (size_t k = 0; k <= n + MORE;
-             k += k < header ? 1 : k + 2 < head ? 101 : k < head + 2 ? 1
-                : 997) {
+        for (size_t k = 0; k <= n + MORE; k += k < header     ? 1
+                                               : k + 2 < head ? 101
+                                               : k < head + 2 ? 1
+                                                              : 997) {
             s = status_of(call, more, k);
             if (before != SAGA_ERR_TRUNCATED && s != before)
                 fail_msg("%s of %s: status %d with %zu bytes, %d with fewer",
@@ -106,8 +106,13 @@ static uint8_t *make(const gen_options *o, size_t *n, size_t *head)
 
 static const gen_options streams[] = {
     { .seed = 7, .level = 0, .n_coarse = 3, .tools_fixed = 1 },
-    { .seed = 8, .level = 0, .n_coarse = 3, .tools_fixed = 1, .base = 1,
-      .named = 1, .n_segments = 2 },
+    { .seed = 8,
+      .level = 0,
+      .n_coarse = 3,
+      .tools_fixed = 1,
+      .base = 1,
+      .named = 1,
+      .n_segments = 2 },
     { .seed = 9, .level = 1, .n_coarse = 3, .tools_fixed = 1, .n_layers = 2 }
 };
 
@@ -137,13 +142,14 @@ TEST(lengths_should_be_judged_by_their_own_bytes)
                 FREED uint8_t *const copy = must(malloc(n));
 
                 memcpy(copy, bytes, n);
-                fx_store32_le(copy + at[k], fx_load32_le(copy + at[k]) +
-                                            (uint32_t)by[m]);
+                fx_store32_le(copy + at[k],
+                              fx_load32_le(copy + at[k]) + (uint32_t)by[m]);
                 mutate_sign(copy, n);
                 check_lengths(k ? "NETS" : "INDX", copy, n, head);
                 assert_int_equal(status_of(k ? OPEN : FIND, copy, n),
-                                 by[m] == 0 ? SAGA_OK : by[m] < 0
-                                 ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
+                                 by[m] == 0  ? SAGA_OK
+                                 : by[m] < 0 ? SAGA_ERR_DATA
+                                             : SAGA_ERR_TRUNCATED);
             }
     }
 }
@@ -178,15 +184,18 @@ TEST(damage_should_show_in_the_head_alone)
 
 TEST(version_should_be_zero_in_no_file)
 {
-    static const struct { uint8_t p[4]; saga_status s; } all[] = {
-        { { 1, 0, 0, 0 }, SAGA_OK }, { { 0, 0, 0, 0 }, SAGA_ERR_DATA },
-        { { 0, 0, 1, 0 }, SAGA_ERR_DATA }, { { 2, 0, 0, 0 }, SAGA_ERR_VERSION },
-        { { 0, 1, 0, 0 }, SAGA_ERR_VERSION },
-        { { 1, 1, 0, 0 }, SAGA_ERR_VERSION },
-        { { 255, 255, 0, 0 }, SAGA_ERR_VERSION },
-        { { 1, 0, 1, 0 }, SAGA_ERR_VERSION },
-        { { 1, 0, 0, 128 }, SAGA_ERR_VERSION }
-    };
+    static const struct {
+        uint8_t p[4];
+        saga_status s;
+    } all[] = { { { 1, 0, 0, 0 }, SAGA_OK },
+                { { 0, 0, 0, 0 }, SAGA_ERR_DATA },
+                { { 0, 0, 1, 0 }, SAGA_ERR_DATA },
+                { { 2, 0, 0, 0 }, SAGA_ERR_VERSION },
+                { { 0, 1, 0, 0 }, SAGA_ERR_VERSION },
+                { { 1, 1, 0, 0 }, SAGA_ERR_VERSION },
+                { { 255, 255, 0, 0 }, SAGA_ERR_VERSION },
+                { { 1, 0, 1, 0 }, SAGA_ERR_VERSION },
+                { { 1, 0, 0, 128 }, SAGA_ERR_VERSION } };
     size_t n, head;
     FREED uint8_t *const bytes = make(&streams[0], &n, &head);
 
@@ -238,8 +247,7 @@ TEST(tools_should_be_looked_at_before_the_size)
 
             check_lengths("a tool", copy, n, head);
             for (size_t k = 0; k < SAGA_HEADER_NBYTES; k++)
-                assert_int_equal(status_of(PROBE, copy, k),
-                                 SAGA_ERR_TRUNCATED);
+                assert_int_equal(status_of(PROBE, copy, k), SAGA_ERR_TRUNCATED);
             for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
                 copy[wrong[k]] ^= 0x40;
                 assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
@@ -258,8 +266,7 @@ TEST(header_should_have_the_size_that_its_tools_say)
     FREED uint8_t *const copy = with_tool(bytes, n, 0);
 
     assert_int_equal(status_of(PROBE, copy, n + 8), SAGA_ERR_DATA);
-    assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
-                     SAGA_ERR_DATA);
+    assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES), SAGA_ERR_DATA);
 }
 
 /* --- Segments ------------------------------------------------------------ */
@@ -297,14 +304,13 @@ TEST(segments_should_end_where_the_index_says)
         p = more + seg.offset;
         check_segment(dec, &seg, p, n + MORE - seg.offset, SAGA_OK);
         cut = seg;
-        for (int k = 1; k < 36; k += 13) {   /* inside SEGM */
+        for (int k = 1; k < 36; k += 13) { /* inside SEGM */
             cut.nbytes = (uint32_t)k;
             check_segment(dec, &cut, p, n + MORE - seg.offset,
                           SAGA_ERR_TRUNCATED);
         }
         fx_store32_le(p + 4, fx_load32_le(p + 4) + seg.nbytes);
         mutate_sign(more, n + MORE);
-        check_segment(dec, &seg, p, n + MORE - seg.offset,
-                      SAGA_ERR_TRUNCATED);
+        check_segment(dec, &seg, p, n + MORE - seg.offset, SAGA_ERR_TRUNCATED);
     }
 }

@@ -13,9 +13,14 @@
 
 static saga_bytes make(int sounds, int base)
 {
-    const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .named = 1, .sounds = sounds,
-                            .n_segments = 2, .base = base };
+    const gen_options o = { .seed = 5,
+                            .level = 1,
+                            .n_coarse = 3,
+                            .tools_fixed = 1,
+                            .named = 1,
+                            .sounds = sounds,
+                            .n_segments = 2,
+                            .base = base };
     saga_bytes f;
 
     f.data = gen_stream_bytes(&o, &f.nbytes);
@@ -90,8 +95,7 @@ TEST(sound_should_be_refused_when_cut_or_changed)
         uint8_t *const copy = memcpy(malloc(n + 1), f.data, n);
         uint8_t *const exact = realloc(copy, n ? n : 1);
 
-        assert_int_equal(saga_find_sound(&other, exact, n),
-                         SAGA_ERR_TRUNCATED);
+        assert_int_equal(saga_find_sound(&other, exact, n), SAGA_ERR_TRUNCATED);
         free(exact);
     }
     for (size_t at = begin; at < end; at++) {
@@ -101,8 +105,8 @@ TEST(sound_should_be_refused_when_cut_or_changed)
         f.data[at] ^= 1;
         s = saga_find_sound(&other, f.data, f.nbytes);
         /* A length may also run past the end. */
-        assert_true(s == want || (s == SAGA_ERR_TRUNCATED &&
-                                  at >= begin + 4 && at < begin + 8));
+        assert_true(s == want || (s == SAGA_ERR_TRUNCATED && at >= begin + 4 &&
+                                  at < begin + 8));
         f.data[at] ^= 1;
     }
     saga_bytes_free(&f);
@@ -146,22 +150,26 @@ TEST(damaged_stream_should_be_refused)
     memmove(ogg + 47, ogg + audio, n - audio);
     assert_false(is_read(ogg, n - 48));
     /* Of these the checksums are right. */
-    static const struct { size_t at; uint8_t by; } change[] = {
-        { 47 + 48 + 14, 1 },         /* another stream's page */
-        { 47 + 48 + 18, 1 },         /* another page's number */
-        { 47 + 48 + 7, 0x12 },       /* ends before the pre-skip */
-        { 47 + 48 + 4, 1 },          /* another version of Ogg */
-        { 28 + 8, 0x10 },            /* another version of Opus */
-        { 28 + 9, 1 },               /* no channel */
-        { 47 + 28, 1 },              /* no tags */
-        { 5, 2 }                     /* no beginning */
+    static const struct {
+        size_t at;
+        uint8_t by;
+    } change[] = {
+        { 47 + 48 + 14, 1 },   /* another stream's page */
+        { 47 + 48 + 18, 1 },   /* another page's number */
+        { 47 + 48 + 7, 0x12 }, /* ends before the pre-skip */
+        { 47 + 48 + 4, 1 },    /* another version of Ogg */
+        { 28 + 8, 0x10 },      /* another version of Opus */
+        { 28 + 9, 1 },         /* no channel */
+        { 47 + 28, 1 },        /* no tags */
+        { 5, 2 }               /* no beginning */
     };
     for (size_t i = 0; i < sizeof change / sizeof *change; i++) {
         gen_sound(ogg);
         assert_true(is_read(ogg, n));
         ogg[change[i].at] ^= change[i].by;
         gen_sound_sign(ogg + (change[i].at >= audio ? audio
-                              : change[i].at >= 47 ? 47 : 0));
+                              : change[i].at >= 47  ? 47
+                                                    : 0));
         assert_false(is_read(ogg, n));
     }
     /* A second stream behind the first. */
@@ -173,7 +181,8 @@ TEST(damaged_stream_should_be_refused)
 TEST(sound_should_stay_with_all_frames_alone)
 {
     saga_bytes f = make(1, 0);
-    saga_splice_part part = { .name = "it", .bytes = f.data,
+    saga_splice_part part = { .name = "it",
+                              .bytes = f.data,
                               .nbytes = f.nbytes };
     saga_error error = { "" };
     saga_segment first;

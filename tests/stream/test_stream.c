@@ -44,8 +44,8 @@ static void assert_same_layer(const saga_layer_symbols *a,
     assert_int_equal(a->weight_scale, b->weight_scale);
     assert_int_equal(a->bias_scale, b->bias_scale);
     assert_int_equal(a->scale_mode, b->scale_mode);
-    SAME(a->drop, b->drop, saga_scale_lines(a->scale_mode, (uint32_t)n_in,
-                                            (uint32_t)n_out));
+    SAME(a->drop, b->drop,
+         saga_scale_lines(a->scale_mode, (uint32_t)n_in, (uint32_t)n_out));
     SAME(a->weight, b->weight, n_in * n_out);
     SAME(a->bias, b->bias, n_out);
     SAME(a->shift, b->shift, n_out);
@@ -60,17 +60,15 @@ static void assert_same_nets(const saga_net_symbols *a,
     saga_nets_layout(&nets, m);
     for (int net = 0; net < SAGA_N_NETS; net++)
         for (int i = 0; i < nets.shape[net].n_layers; i++)
-            assert_same_layer(&a->layer[net][i], &b->layer[net][i],
-                              nets.shape[net].dim[i],
-                              nets.shape[net].dim[i + 1],
-                              saga_nets_n_finer(&nets, net, i));
+            assert_same_layer(
+                &a->layer[net][i], &b->layer[net][i], nets.shape[net].dim[i],
+                nets.shape[net].dim[i + 1], saga_nets_n_finer(&nets, net, i));
 }
 
 /* --- One stream there and back ------------------------------------------- */
 
 /* Returns the segment that begins after the frames of those before it. */
-static saga_segment segment_of(player *p, const gen_stream *g,
-                               uint32_t number)
+static saga_segment segment_of(player *p, const gen_stream *g, uint32_t number)
 {
     const saga_segment seg = player_find(p, number);
     uint32_t frame = 0;
@@ -115,8 +113,7 @@ static void check_segment(player *p, const gen_stream *g, uint32_t number)
     for (uint32_t i = 0; i < n_layers; i++) {
         const saga_symbols *const want = &g->segment[number * n_layers + i];
 
-        check_layer(g, want, RECORDER_LAYER(number, i), range, p->bytes,
-                    p->n);
+        check_layer(g, want, RECORDER_LAYER(number, i), range, p->bytes, p->n);
         sum.coarse += want->n.coarse;
         sum.fine += want->n.fine;
         sum.prim += want->n.prim;
@@ -140,8 +137,7 @@ static void check_base(const player *p, const gen_stream *g)
     assert_int_equal(p->info.base_coarse, g->base.n.coarse);
     if (!g->has_base)
         return;
-    assert_true(recorder_read(&nets, &s, RECORDER_BASE, range,
-                              p->bytes, p->n));
+    assert_true(recorder_read(&nets, &s, RECORDER_BASE, range, p->bytes, p->n));
     assert_same_symbols(&s, &g->base, g->header.model.features);
     saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
@@ -187,8 +183,9 @@ static void cover_segment(coverage *c, const saga_symbols *s)
 
 static void cover_memory(coverage *c, const saga_model *m)
 {
-    c->update[!(m->tools & SAGA_TOOL_BANK) ? 0
-              : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2 : 1]++;
+    c->update[!(m->tools & SAGA_TOOL_BANK)       ? 0
+              : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2
+                                                 : 1]++;
     if (!(m->tools & SAGA_TOOL_BANK))
         return;
     for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
@@ -211,8 +208,7 @@ static void cover(coverage *c, const gen_stream *g)
         c->sources[i][m->sources[i] & 7u]++;
     cover_memory(c, m);
     together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
-    together = together << 5 | (m->sources[1] & 7u) << 2 |
-               (m->sources[2] & 3u);
+    together = together << 5 | (m->sources[1] & 7u) << 2 | (m->sources[2] & 3u);
     c->together[together]++;
     for (uint32_t i = 0; i < SAGA_N_TIERS; i++) {
         c->groups[i][m->tier[i].n_groups]++;
@@ -289,11 +285,15 @@ static void assert_covered(const coverage *c, uint32_t n)
 static gen_options options_of(uint64_t seed, uint32_t i)
 {
     gen_options o = { .seed = seed,
-                      .level = i % 64 == 63 ? 3 : i % 32 == 31 ? 2 : i / 32 % 2,
+                      .level = i % 64 == 63   ? 3
+                               : i % 32 == 31 ? 2
+                                              : i / 32 % 2,
                       .n_coarse = i % 10 == 9 ? 40 : 0,
                       .n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS,
-                      .tools_fixed = 1, .tools = i % 32,
-                      .bank = (int)(i / 2 % 3), .base = i % 5 == 1,
+                      .tools_fixed = 1,
+                      .tools = i % 32,
+                      .bank = (int)(i / 2 % 3),
+                      .base = i % 5 == 1,
                       .n_layers = i % 7 == 3 ? 2 + i % 2 : 1 };
 
     return o;
@@ -325,7 +325,9 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 static void make_full(gen_stream *g)
 {
     const saga_level_caps *const cap = &saga_caps[0];
-    gen_options o = { .full = 1, .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE,
+    gen_options o = { .full = 1,
+                      .tools_fixed = 1,
+                      .tools = SAGA_TOOLS_PICTURE,
                       .bank = GEN_BANK_ORTHOGONAL };
 
     for (o.seed = testing_seed(1);; o.seed++) {
@@ -349,8 +351,9 @@ TEST(stream_should_survive_a_full_level_0)
 
 TEST(stream_should_survive_layers_without_anchors)
 {
-    const gen_options o = { .seed = testing_seed(1), .level = 1, .n_coarse = 9,
-                            .n_segments = 3 };
+    const gen_options o = {
+        .seed = testing_seed(1), .level = 1, .n_coarse = 9, .n_segments = 3
+    };
     FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
     saga_symbols *s = &g.segment[0];
 
@@ -431,8 +434,12 @@ static void assert_same_views(player *a, player *b, int32_t t)
 
 static void check_random_access(uint64_t seed, uint32_t tools)
 {
-    const gen_options o = { .seed = seed, .level = 1, .n_coarse = 8,
-                            .n_segments = 3, .picture = 1, .tools_fixed = 1,
+    const gen_options o = { .seed = seed,
+                            .level = 1,
+                            .n_coarse = 8,
+                            .n_segments = 3,
+                            .picture = 1,
+                            .tools_fixed = 1,
                             .tools = tools };
     player all, one;
     FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);

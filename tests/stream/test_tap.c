@@ -11,8 +11,12 @@ enum { CANARY = 0x5a };
 
 static void make(player *p, uint64_t seed, uint32_t tools)
 {
-    const gen_options o = { .seed = seed, .level = 1, .n_coarse = 8,
-                            .picture = 1, .tools_fixed = 1, .tools = tools };
+    const gen_options o = { .seed = seed,
+                            .level = 1,
+                            .n_coarse = 8,
+                            .picture = 1,
+                            .tools_fixed = 1,
+                            .tools = tools };
 
     player_make(p, &o);
 }

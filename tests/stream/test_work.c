@@ -62,8 +62,8 @@ static saga_status open_film(film *f, const saga_watch *watch)
 
 static saga_status decode(film *f, const saga_watch *watch)
 {
-    return saga_decode(f->dec, &f->seg, f->bytes + f->seg.offset,
-                       f->seg.nbytes, watch);
+    return saga_decode(f->dec, &f->seg, f->bytes + f->seg.offset, f->seg.nbytes,
+                       watch);
 }
 
 static void unload(film *f)
@@ -101,8 +101,7 @@ TEST(slowest_should_be_the_last_that_is_valid)
             assert_true(f.info.work > cap->work / 10 * 9 ||
                         anchors_of(&f.info) + 16 > cap->n_anchors);
             gen_slow_set_max(f.bytes, max.coarse + 1, max.fine + 1);
-            assert_int_equal(saga_probe(&f.info, f.bytes, f.n),
-                             SAGA_ERR_LEVEL);
+            assert_int_equal(saga_probe(&f.info, f.bytes, f.n), SAGA_ERR_LEVEL);
             assert_int_equal(open_film(&f, NULL), SAGA_ERR_LEVEL);
             assert_null(f.dec);
         }
@@ -161,9 +160,10 @@ TEST(levels_should_be_as_the_tables_say)
         const char *s = line;
         uint64_t v[9];
 
-        inside = strncmp(line, first, sizeof first - 1) == 0 ? 1
-               : strncmp(line, second, sizeof second - 1) == 0 ? 2
-               : line[0] == '|' ? inside : 0;
+        inside = strncmp(line, first, sizeof first - 1) == 0     ? 1
+                 : strncmp(line, second, sizeof second - 1) == 0 ? 2
+                 : line[0] == '|'                                ? inside
+                                                                 : 0;
         if (!inside || line[2] < '0' || line[2] > '9')
             continue;
         for (int i = 0; i < (inside == 1 ? 9 : 4); i++)
@@ -171,9 +171,9 @@ TEST(levels_should_be_as_the_tables_say)
         assert_true(v[0] < SAGA_N_PROFILES);
         if (inside == 1) {
             const saga_level_caps *const c = &saga_caps[v[0]];
-            const uint64_t wanted[] = { c->work_nbytes, c->n_coarse, c->n_fine,
-                                        c->n_prim, c->n_weights, c->width,
-                                        c->int8_only, c->n_slots };
+            const uint64_t wanted[] = { c->work_nbytes, c->n_coarse,  c->n_fine,
+                                        c->n_prim,      c->n_weights, c->width,
+                                        c->int8_only,   c->n_slots };
 
             assert_memory_equal(v + 1, wanted, sizeof wanted);
         } else {
@@ -203,8 +203,9 @@ static uint64_t run_of(const saga_model *m, int net)
 static uint64_t entropy_of(const saga_model *m, int kind)
 {
     return run_of(m, 1 + kind) + (m->sources[kind] & 1 ? run_of(m, 0) : 0) +
-           (m->sources[kind] & 8 ? run_of(m, 11) +
-                                   2ull * m->bank_slots * m->bank_width : 0);
+           (m->sources[kind] & 8
+                ? run_of(m, 11) + 2ull * m->bank_slots * m->bank_width
+                : 0);
 }
 
 static uint64_t rounds_of(const saga_model *m, int tier, uint64_t n)
@@ -217,8 +218,9 @@ static uint64_t rounds_of(const saga_model *m, int tier, uint64_t n)
 static uint64_t bank_of(const saga_model *m, uint64_t nc, uint64_t nf)
 {
     const uint64_t slots = m->bank_slots, width = m->bank_width;
-    const uint64_t write = run_of(m, 14) + slots *
-        (run_of(m, 15) + width * (m->tools & 1 << 10 ? 3 : 5));
+    const uint64_t write = run_of(m, 14) +
+                           slots * (run_of(m, 15) +
+                                    width * (m->tools & 1 << 10 ? 3 : 5));
     uint64_t sum;
 
     if (!(m->tools & 1 << 9))
@@ -237,15 +239,19 @@ static uint64_t scaffold_of(const saga_model *m, uint64_t nc, uint64_t nf,
            nf * (entropy_of(m, 1) + entropy_of(m, 2) + run_of(m, 4) +
                  run_of(m, 6)) +
            np * (run_of(m, 5) + run_of(m, 7) + run_of(m, 8) +
-                 (m->tools & 4 ? 0 : run_of(m, 10))) + bank_of(m, nc, nf);
+                 (m->tools & 4 ? 0 : run_of(m, 10))) +
+           bank_of(m, nc, nf);
 }
 
 /* Section 5's formula, of random streams with any tools. */
 TEST(work_should_be_as_the_formula_says)
 {
     for (int i = 0; i < 60; i++) {
-        const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
-                                .n_coarse = 30, .bank = i % 3, .base = i % 2,
+        const gen_options o = { .seed = 4000 + (uint64_t)i,
+                                .level = i % 4,
+                                .n_coarse = 30,
+                                .bank = i % 3,
+                                .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i / 2 % 3 };
         FREED uint8_t *bytes;
         saga_info info;
@@ -258,8 +264,8 @@ TEST(work_should_be_as_the_formula_says)
         work = scaffold_of(&g.header.model, info.max_coarse, info.max_fine,
                            info.max_primitives) +
                (info.n_layers - 1) * scaffold_of(&g.header.model,
-                                                 info.max_coarse,
-                                                 info.max_fine, 0);
+                                                 info.max_coarse, info.max_fine,
+                                                 0);
         if (o.base)
             work += scaffold_of(&g.header.model, info.base_coarse,
                                 info.base_fine, info.base_primitives);
@@ -352,12 +358,17 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
         const uint32_t r = (uint32_t)gen_random(&seed);
 
         if (i > EARLY || i <= decoded.n_asked)
-            stop_decoding(&f, i <= EARLY ? i : i == EARLY + 1
-                          ? decoded.n_asked : 1 + r % decoded.n_asked,
+            stop_decoding(&f,
+                          i <= EARLY       ? i
+                          : i == EARLY + 1 ? decoded.n_asked
+                                           : 1 + r % decoded.n_asked,
                           expected);
         if (i > EARLY || i <= opened.n_asked)
-            stop_opening(&f, i <= EARLY ? i : i == EARLY + 1
-                         ? opened.n_asked : 1 + r % opened.n_asked, expected);
+            stop_opening(&f,
+                         i <= EARLY       ? i
+                         : i == EARLY + 1 ? opened.n_asked
+                                          : 1 + r % opened.n_asked,
+                         expected);
     }
 }
 
@@ -366,8 +377,10 @@ TEST(stopped_decoder_should_decode_again)
     gen_stream g;
 
     for (int i = 0; i < 12; i++) {
-        const gen_options o = { .seed = 900 + (uint64_t)i, .level = i % 4,
-                                .n_coarse = 16, .bank = i % 3,
+        const gen_options o = { .seed = 900 + (uint64_t)i,
+                                .level = i % 4,
+                                .n_coarse = 16,
+                                .bank = i % 3,
                                 .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i % 3 };
 
@@ -440,8 +453,11 @@ static saga_status draw(const film *f, const saga_camera *c)
     static uint32_t scratch[SAGA_JOB_NBYTES(TILE, LIST) / 4];
     static uint8_t rgb[3 * SIDE * SIDE];
     const saga_picture picture = { rgb, 3u * c->width, sizeof rgb, 8 };
-    saga_job job = { .x1 = c->width, .y1 = TILE, .tile = TILE,
-                     .list_capacity = LIST, .scratch = scratch,
+    saga_job job = { .x1 = c->width,
+                     .y1 = TILE,
+                     .tile = TILE,
+                     .list_capacity = LIST,
+                     .scratch = scratch,
                      .scratch_nbytes = sizeof scratch };
     saga_status s;
 

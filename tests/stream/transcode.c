@@ -39,9 +39,9 @@ static void *must(void *p)
 typedef struct {
     uint8_t sym;
     uint32_t from_end, n;
-    int64_t write;           /* value that the payload codes */
-    int64_t give;            /* value that the traversal gets; KEEP: as
-                              * decoded */
+    int64_t write; /* value that the payload codes */
+    int64_t give;  /* value that the traversal gets; KEEP: as
+                    * decoded */
 } lie;
 
 enum { KEEP = -(1 << 20), MAX_LIES = 9 };
@@ -51,11 +51,11 @@ typedef struct {
     const char *rule, *name;
     int in_prim;
     lie lies[MAX_LIES];
-    int is_valid;            /* the row is at a limit and breaks nothing */
+    int is_valid; /* the row is at a limit and breaks nothing */
 } broken;
 
 typedef struct {
-    saga_coder coder;        /* first: its functions cast back */
+    saga_coder coder; /* first: its functions cast back */
     saga_range_dec from;
     saga_range_enc to;
     const broken *what;
@@ -90,8 +90,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     for (uint32_t i = 0; i < n; i++) {
         const lie *const l = lie_at(t, at.sym, t->seen[at.sym]++);
 
-        saga_range_enc_residual(&t->to, l ? (int32_t)l->write : q[i],
-                                scale[i]);
+        saga_range_enc_residual(&t->to, l ? (int32_t)l->write : q[i], scale[i]);
         q[i] = (int32_t)given(l, q[i]);
     }
     c->error = t->from.coder.error;
@@ -109,8 +108,7 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
 
     *m = before;
     saga_range_enc_interval(&t->to, saga_adaptive_start(m, sym),
-                            sym + 1 < n_sym ? m->start[sym]
-                                            : SAGA_PROB_TOTAL);
+                            sym + 1 < n_sym ? m->start[sym] : SAGA_PROB_TOTAL);
     saga_adaptive_update(m, n_sym, sym);
     c->error = t->from.coder.error;
     return (uint32_t)given(l, honest);
@@ -134,7 +132,7 @@ typedef struct {
     saga_header header;
     saga_plan plan;
     uint8_t *params;
-    size_t nbytes;           /* enough for any payload */
+    size_t nbytes; /* enough for any payload */
 } opened;
 
 enum { PART_NETS = 1, PART_SEGM, PART_COAR, PART_FINE, PART_PRIM };
@@ -156,12 +154,10 @@ static void run_part(transcoder *t, opened *o, const saga_scaffold *sc,
     int ok;
 
     start(t, &o->parts.part[part], out, o->nbytes);
-    ok = part == PART_NETS
-             ? saga_syntax_networks(&o->plan.nets, o->params, c)
-             : saga_syntax_part(sc, part - PART_COAR, c);
+    ok = part == PART_NETS ? saga_syntax_networks(&o->plan.nets, o->params, c)
+                           : saga_syntax_part(sc, part - PART_COAR, c);
     if (!ok) {
-        fprintf(stderr, "transcode: %s: the traversal stops\n",
-                t->what->name);
+        fprintf(stderr, "transcode: %s: the traversal stops\n", t->what->name);
         exit(2);
     }
 }
@@ -237,8 +233,7 @@ static void put(saga_range_enc *e, saga_adaptive *m, uint32_t n_sym,
                 uint32_t sym)
 {
     saga_range_enc_interval(e, saga_adaptive_start(m, sym),
-                            sym + 1 < n_sym ? m->start[sym]
-                                            : SAGA_PROB_TOTAL);
+                            sym + 1 < n_sym ? m->start[sym] : SAGA_PROB_TOTAL);
     saga_adaptive_update(m, n_sym, sym);
 }
 
@@ -262,12 +257,13 @@ static void chain(const opened *o, const char *name, uint32_t split,
             /* Only child 0 exists: it touches 1, 2, 4 and 8. */
             const int touches = has_child && i && (i & (i - 1)) == 0;
 
-            put(&e, &sc.models->occupancy[split - 1][has_child && i > 0]
-                                         [touches], 2, has_child && i == 0);
+            put(&e,
+                &sc.models->occupancy[split - 1][has_child && i > 0][touches],
+                2, has_child && i == 0);
         }
     }
-    print(&(broken){ .rule = "section.10", .name = name }, "segment0.COAR",
-          out, saga_range_enc_finish(&e));
+    print(&(broken){ .rule = "section.10", .name = name }, "segment0.COAR", out,
+          saga_range_enc_finish(&e));
 }
 
 static void trees(const opened *o)
@@ -288,64 +284,102 @@ static void trees(const opened *o)
 
 /* --- Networks and residuals ---------------------------------------------- */
 
-#define LIE(sym, from_end, n, write, give) { sym, from_end, n, write, give }
+#define LIE(sym, from_end, n, write, give) \
+    {                                      \
+        sym, from_end, n, write, give      \
+    }
 
 /* A row whose shift is 24, and whose sum with half a unit of the shift is
  * 32767 (32767 + 32514) + bias + 2^23, which is 2^31 for a bias of 32513. */
-#define HALF(bias, give) { \
-    LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1), \
-    LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0), \
-    LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 0, 0), \
-    LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3), \
-    LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 0, 0), \
-    LIE(SAGA_SYM_NET_BIAS, 0, 1, bias, give), \
-    LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32767, 32767), \
-    LIE(SAGA_SYM_NET_WEIGHT, 1, 1, 32514, 32514), \
-    LIE(SAGA_SYM_NET_WEIGHT, 2, 90, 0, 0) }
+#define HALF(bias, give)                                  \
+    {                                                     \
+        LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),               \
+            LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),     \
+            LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 0, 0),     \
+            LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),      \
+            LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 0, 0),      \
+            LIE(SAGA_SYM_NET_BIAS, 0, 1, bias, give),     \
+            LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32767, 32767), \
+            LIE(SAGA_SYM_NET_WEIGHT, 1, 1, 32514, 32514), \
+            LIE(SAGA_SYM_NET_WEIGHT, 2, 90, 0, 0)         \
+    }
 
 /* Each case breaks one rule by changing symbols of the last layer of the last
  * network, which computes the colour. Cases that need a certain weight set the
  * layer's step to 1, so that a symbol's value is the weight. */
 static const broken rows[] = {
     { "section.9", "step=0", 0, { LIE(SAGA_SYM_NET_STEP, 0, 1, 0, KEEP) }, 0 },
-    { "section.9", "shift=25", 0, {
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 1, 0) }, 0 },
-    { "section.9", "shift=31", 0, {
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 7, 0) }, 0 },
-    { "section.9", "weight=32768", 0, {
-        LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
+    { "section.9",
+      "shift=25",
+      0,
+      { LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
+        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 1, 0) },
+      0 },
+    { "section.9",
+      "shift=31",
+      0,
+      { LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
+        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 7, 0) },
+      0 },
+    { "section.9",
+      "weight=32768",
+      0,
+      { LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32768, 0) }, 0 },
-    { "section.9", "weight=-32768", 0, {
-        LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32768, 0) },
+      0 },
+    { "section.9",
+      "weight=-32768",
+      0,
+      { LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, -32768, 0) }, 0 },
-    { "section.9", "row-sum", 0, {
-        LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, -32768, 0) },
+      0 },
+    { "section.9",
+      "row-sum",
+      0,
+      { LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 3, 32767, 0) }, 0 },
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 3, 32767, 0) },
+      0 },
     { "section.9", "half-a-unit-at-the-limit", 0, HALF(32512, 32512), 1 },
     { "section.9", "half-a-unit", 0, HALF(32513, 32512), 0 },
     { "section.9", "half-a-unit-and-a-bias-below-0", 0, HALF(-32513, -32512),
       0 },
-    { "section.9", "bias=2^31", 0, {
-        LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
-        LIE(SAGA_SYM_NET_BIAS, 0, 1, 1, 0) }, 0 },
-    { "section.9", "bias=-2^31", 0, {
-        LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
-        LIE(SAGA_SYM_NET_BIAS, 0, 1, -1, 0) }, 0 },
-    { "section.7", "escape-of-a-weight=65536", 0, {
-        LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
+    { "section.9",
+      "bias=2^31",
+      0,
+      { LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
+        LIE(SAGA_SYM_NET_BIAS, 0, 1, 1, 0) },
+      0 },
+    { "section.9",
+      "bias=-2^31",
+      0,
+      { LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
+        LIE(SAGA_SYM_NET_BIAS, 0, 1, -1, 0) },
+      0 },
+    { "section.7",
+      "escape-of-a-weight=65536",
+      0,
+      { LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 16, 16),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 65536, 0) }, 0 },
-    { "section.7", "escape=65536", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 65536, 0) }, 0 },
-    { "section.7", "escape=-65536", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, -65536, 0) }, 0 },
-    { "section.7", "escape=131000", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 131000, 0) }, 0 }
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 65536, 0) },
+      0 },
+    { "section.7",
+      "escape=65536",
+      1,
+      { LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 65536, 0) },
+      0 },
+    { "section.7",
+      "escape=-65536",
+      1,
+      { LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, -65536, 0) },
+      0 },
+    { "section.7",
+      "escape=131000",
+      1,
+      { LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 131000, 0) },
+      0 }
 };
 
 int main(int argc, char **argv)

@@ -23,24 +23,40 @@ typedef struct {
 } field;
 
 typedef struct {
-    const char *name;                /* its heading */
-    uint32_t nbytes;                 /* end of its last field */
+    const char *name; /* its heading */
+    uint32_t nbytes;  /* end of its last field */
     int n;
     field f[MAX_FIELDS];
-    uint32_t size;                   /* according to the table of sizes */
+    uint32_t size; /* according to the table of sizes */
 } table;
 
 static table tables[] = {
-    { .name = "Header" }, { .name = "Tier" }, { .name = "Network" },
-    { .name = "Camera" }, { .name = "Chunk header" },
-    { .name = "Index entry" }, { .name = "Segment header" },
-    { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
-    { .name = "Name" }, { .name = "Layer" }, { .name = "Sound" },
-    { .name = "Hash network" }, { .name = "Exposure" }
+    { .name = "Header" },         { .name = "Tier" },
+    { .name = "Network" },        { .name = "Camera" },
+    { .name = "Chunk header" },   { .name = "Index entry" },
+    { .name = "Segment header" }, { .name = "Bank networks" },
+    { .name = "Base" },           { .name = "Names" },
+    { .name = "Name" },           { .name = "Layer" },
+    { .name = "Sound" },          { .name = "Hash network" },
+    { .name = "Exposure" }
 };
 enum {
-    HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
-    NAME, LAYER, SOUND, HASH, EXPOSURE, N_TABLES
+    HEADER,
+    TIER,
+    NETWORK,
+    CAMERA,
+    CHUNK,
+    ENTRY,
+    SEGMENT,
+    BANK,
+    BASE,
+    NAMES,
+    NAME,
+    LAYER,
+    SOUND,
+    HASH,
+    EXPOSURE,
+    N_TABLES
 };
 
 typedef struct {
@@ -78,10 +94,12 @@ static inline uint32_t size_of_type(const char *type)
 {
     const table *const t = table_named(type);
 
-    return strcmp(type, "u8") == 0 ? 1
-         : strcmp(type, "u16") == 0 ? 2
-         : strcmp(type, "u32") == 0 || strcmp(type, "i32") == 0 ? 4
-         : strcmp(type, "u64") == 0 ? 8 : t ? t->nbytes : 0;
+    return strcmp(type, "u8") == 0                                ? 1
+           : strcmp(type, "u16") == 0                             ? 2
+           : strcmp(type, "u32") == 0 || strcmp(type, "i32") == 0 ? 4
+           : strcmp(type, "u64") == 0                             ? 8
+           : t                                                    ? t->nbytes
+                                                                  : 0;
 }
 
 /* Splits a table row `| a | b |` into its cells, without the blanks around
@@ -184,8 +202,7 @@ static inline void read_page(FILE *page)
 {
     static const char *const first[] = {
         "| offset | bytes | type | name | range | meaning |",
-        "| structure | size |",
-        "| payload | what it is | status |"
+        "| structure | size |", "| payload | what it is | status |"
     };
     char line[512];
     table *t = NULL;
@@ -283,7 +300,8 @@ static inline int64_t type_max(const field *f)
     const uint32_t size = size_of_type(f->type);
 
     return strcmp(f->type, "i32") == 0 ? INT32_MAX
-         : size == 8 ? INT64_MAX : ((int64_t)1 << 8 * size) - 1;
+           : size == 8                 ? INT64_MAX
+                                       : ((int64_t)1 << 8 * size) - 1;
 }
 
 /* --- Bytes --------------------------------------------------------------- */
@@ -344,8 +362,11 @@ static inline int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 /* --- The header's parts -------------------------------------------------- */
 
 enum {
-    TOOL_BASE = 1 << 5, TOOL_HASH = 1 << 8, TOOL_BANK = 1 << 9,
-    TOOL_PLAIN = 1 << 10, SOURCE_BANK = 8
+    TOOL_BASE = 1 << 5,
+    TOOL_HASH = 1 << 8,
+    TOOL_BANK = 1 << 9,
+    TOOL_PLAIN = 1 << 10,
+    SOURCE_BANK = 8
 };
 
 static inline int has_bank(const uint8_t *header)
@@ -365,8 +386,7 @@ static inline int has_base(const uint8_t *header)
 
 static inline uint32_t hash_at(const uint8_t *header)
 {
-    return tables[HEADER].nbytes +
-           (has_bank(header) ? tables[BANK].nbytes : 0);
+    return tables[HEADER].nbytes + (has_bank(header) ? tables[BANK].nbytes : 0);
 }
 
 static inline uint32_t base_at(const uint8_t *header)
@@ -378,7 +398,8 @@ static inline uint32_t base_at(const uint8_t *header)
 static inline uint32_t base_of(const uint8_t *header, const char *name)
 {
     return has_base(header)
-        ? (uint32_t)get(BASE, header + base_at(header), name, 0) : 0;
+               ? (uint32_t)get(BASE, header + base_at(header), name, 0)
+               : 0;
 }
 
 static inline uint32_t rig_at(const uint8_t *header)
@@ -390,7 +411,7 @@ static inline uint32_t rig_at(const uint8_t *header)
 static inline uint32_t rig_end(const uint8_t *header)
 {
     return rig_at(header) + tables[CAMERA].nbytes *
-           (uint32_t)get(HEADER, header, "n_cameras", 0);
+                                (uint32_t)get(HEADER, header, "n_cameras", 0);
 }
 
 /* Returns whether the header's fields of the memory bank obey section 3. */
@@ -426,8 +447,7 @@ static inline int hash_is_consistent(const uint8_t *p)
 
 /* A function that is called for each field of a plain type. Structures within
  * structures are visited, too. */
-typedef void (*visitor)(const table *t, const field *f, uint8_t *p,
-                        void *user);
+typedef void (*visitor)(const table *t, const field *f, uint8_t *p, void *user);
 
 static inline void visit(const table *t, uint8_t *p, visitor each, void *user)
 {
@@ -450,8 +470,9 @@ static inline void visit(const table *t, uint8_t *p, visitor each, void *user)
 static inline uint32_t owner_of(const file *f, size_t at)
 {
     const size_t index = (size_t)get(HEADER, f->p, "header_nbytes", 0);
-    const size_t nets = index + tables[CHUNK].nbytes + tables[ENTRY].nbytes *
-                        (size_t)get(HEADER, f->p, "n_segments", 0);
+    const size_t nets = index + tables[CHUNK].nbytes +
+                        tables[ENTRY].nbytes *
+                            (size_t)get(HEADER, f->p, "n_segments", 0);
     const size_t base = nets + tables[CHUNK].nbytes +
                         (size_t)get(HEADER, f->p, "nets_nbytes", 0);
     const size_t end = base + base_of(f->p, "nbytes");
@@ -463,8 +484,8 @@ static inline uint32_t owner_of(const file *f, size_t at)
            memcmp(f->p + at, "EXPO", 4) != 0 &&
            memcmp(f->p + at, "OPUS", 4) != 0) {
         k = next;
-        next += tables[CHUNK].nbytes + (size_t)get(CHUNK, f->p + k, "nbytes",
-                                                   0);
+        next += tables[CHUNK].nbytes +
+                (size_t)get(CHUNK, f->p + k, "nbytes", 0);
     }
     return (uint32_t)get(CHUNK, f->p + k, "crc", 0);
 }
@@ -480,8 +501,7 @@ static inline uint32_t segment_nbytes(const file *f)
 {
     const uint32_t n = n_layers_of(f);
 
-    return tables[SEGMENT].nbytes + n * tables[LAYER].nbytes -
-           (n == 1 ? 4 : 0);
+    return tables[SEGMENT].nbytes + n * tables[LAYER].nbytes - (n == 1 ? 4 : 0);
 }
 
 /* Returns layer i of the SEGM payload at p. */
@@ -497,8 +517,9 @@ static inline uint32_t sum_of(const file *f, const uint8_t *segment,
     uint32_t sum = 0;
 
     for (uint32_t i = 0; i < n_layers_of(f); i++)
-        sum += (uint32_t)get(LAYER, segment + tables[SEGMENT].nbytes +
-                             i * tables[LAYER].nbytes, name, 0);
+        sum += (uint32_t)get(
+            LAYER, segment + tables[SEGMENT].nbytes + i * tables[LAYER].nbytes,
+            name, 0);
     return sum;
 }
 

@@ -196,8 +196,7 @@ static inline void assert_says(const saga_error *error, const char *what)
 
 /* Checks that loading fails with a message that names the file, what is wrong,
  * and a remedy after "; ". */
-static inline void refused_with(const char *path,
-                                const saga_capture_options *o,
+static inline void refused_with(const char *path, const saga_capture_options *o,
                                 const char *file, const char *what)
 {
     saga_capture c;
@@ -212,8 +211,7 @@ static inline void refused_with(const char *path,
     assert_null(c.views);
 }
 
-static inline void refused(const char *path, const char *file,
-                           const char *what)
+static inline void refused(const char *path, const char *file, const char *what)
 {
     const saga_capture_options o = saga_capture_defaults();
 

@@ -29,14 +29,14 @@
 
 static struct failing_heap {
     uintptr_t openmp[2], libc[2], jpeg[2]; /* code of these libraries */
-    long live;               /* blocks that are not freed */
-    long left;               /* allocations until one fails; 0: none does */
-    long kept;               /* blocks left by an attempt in which nothing
-                              * failed */
-    int pipe[2];             /* through which that attempt reports `kept` */
-    const void *caller;      /* caller of the allocation that failed; NULL: none
-                              * failed */
-    void *trace[9];         /* its callers */
+    long live;                             /* blocks that are not freed */
+    long left;          /* allocations until one fails; 0: none does */
+    long kept;          /* blocks left by an attempt in which nothing
+                         * failed */
+    int pipe[2];        /* through which that attempt reports `kept` */
+    const void *caller; /* caller of the allocation that failed; NULL: none
+                         * failed */
+    void *trace[9];     /* its callers */
     int n_trace;
 } failing_heap;
 
@@ -128,8 +128,8 @@ static inline void heap_find(uintptr_t range[2], const char *library)
     assert_non_null(maps);
     while (fgets(line, sizeof line, maps))
         if (strstr(line, library) && strstr(line, " r-xp "))
-            assert_int_equal(sscanf(line, "%" SCNxPTR "-%" SCNxPTR, range,
-                                    range + 1), 2);
+            assert_int_equal(
+                sscanf(line, "%" SCNxPTR "-%" SCNxPTR, range, range + 1), 2);
     fclose(maps);
 }
 
@@ -183,8 +183,9 @@ static inline int heap_try(long k, heap_attempt *attempt, void *user)
         return HEAP_NEVER_FAILED;
     if (ok)
         return heap_within(h->caller, h->libc) ||
-               heap_within(h->caller, h->jpeg)
-            ? HEAP_FAILED_WELL : heap_complain(k, "goes on", "");
+                       heap_within(h->caller, h->jpeg)
+                   ? HEAP_FAILED_WELL
+                   : heap_complain(k, "goes on", "");
     if (!strstr(error.message, "memory") || !strstr(error.message, "; "))
         return heap_complain(k, "does not say so", error.message);
     return HEAP_FAILED_WELL;

@@ -43,9 +43,8 @@ static inline json_t *file_json_networks(const ref_file *f)
     const file_json_sum e = file_json_nets(f, true);
     const file_json_sum r = file_json_nets(f, false);
 
-    return json_pack("{sfsIsfsI}", "entropy", e.bits / 8,
-                     "entropy_parameters", (json_int_t)e.parameters,
-                     "reconstruction", r.bits / 8,
+    return json_pack("{sfsIsfsI}", "entropy", e.bits / 8, "entropy_parameters",
+                     (json_int_t)e.parameters, "reconstruction", r.bits / 8,
                      "reconstruction_parameters", (json_int_t)r.parameters);
 }
 

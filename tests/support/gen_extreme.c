@@ -170,8 +170,9 @@ static void one_leaf(gen_stream *g, uint32_t n_both, uint32_t n_space,
         const uint32_t split = i < n_both ? 3 : i < n_both + n_space ? 1 : 2;
 
         s->split[i] = (uint8_t)split;
-        s->occupancy[i] = (uint16_t)(1u << (5 * i + 3) %
-                                     (split == 3 ? 16 : split == 1 ? 8 : 2));
+        s->occupancy[i] = (uint16_t)(1u << (5 * i + 3) % (split == 3   ? 16
+                                                          : split == 1 ? 8
+                                                                       : 2));
     }
     s->split[depth] = 0;
     s->occupancy[depth] = 0;
@@ -389,12 +390,12 @@ static void corner(gen_stream *g)
     set_output(g, SAGA_OUT_MOTION1, 1 << 11);
     q[SAGA_OUT_SCALE] = 10;
     set_output(g, SAGA_OUT_SCALE, -2 * 1024);
-    set_camera(&g->rig[0], middle, (const int32_t[9]) {
-        3, 0, -3, 0, 3, -3, -2, -2, -2 });
-    set_camera(&g->rig[1], behind, (const int32_t[9]) {
-        4, 0, 0, 0, 4, 0, 0, 0, 4 });
-    set_camera(&g->rig[2], behind, (const int32_t[9]) {
-        0, 0, 0, 0, 0, 0, 0, 0, 4 });
+    set_camera(&g->rig[0], middle,
+               (const int32_t[9]){ 3, 0, -3, 0, 3, -3, -2, -2, -2 });
+    set_camera(&g->rig[1], behind,
+               (const int32_t[9]){ 4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[2], behind,
+               (const int32_t[9]){ 0, 0, 0, 0, 0, 0, 0, 0, 4 });
 }
 
 /* Primitives whose temporal width is far below a time unit, at their own time,
@@ -403,22 +404,21 @@ static void corner(gen_stream *g)
 static void own_time(gen_stream *g)
 {
     static const int32_t behind[3] = { CORNER, CORNER, 4 * CORNER };
-    static const int32_t beside[3] = {
-        CORNER, CORNER - 58, CORNER - (1 << 20)
-    };
+    static const int32_t beside[3] = { CORNER, CORNER - 58,
+                                       CORNER - (1 << 20) };
 
     in_corner(g);
     short_lives(g);
     g->header.model.out_q[SAGA_OUT_SCALE] = 10;
     set_output(g, SAGA_OUT_SCALE, -3 * 1024);
     set_output(g, SAGA_OUT_QUAT, 0);
-    set_camera(&g->rig[0], beside, (const int32_t[9]) {
-        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[0], beside,
+               (const int32_t[9]){ 4, 0, 0, 0, 4, 0, 0, 0, 4 });
     g->rig[0].focal_q16[1] = (1 << 30) - 3;
     set_output(g, SAGA_OUT_TIME, 0);
     set_output(g, SAGA_OUT_OPACITY, 32767);
-    set_camera(&g->rig[1], behind, (const int32_t[9]) {
-        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[1], behind,
+               (const int32_t[9]){ 4, 0, 0, 0, 4, 0, 0, 0, 4 });
 }
 
 /* The largest primitives for the longest time, before cameras that nearly touch
@@ -434,10 +434,10 @@ static void largest_splats(gen_stream *g)
     set_output(g, SAGA_OUT_WIDTH, 32767);
     set_output(g, SAGA_OUT_QUAT, 0);
     set_output(g, SAGA_OUT_OPACITY, 0);
-    set_camera(&g->rig[0], near, (const int32_t[9]) {
-        4, 0, 0, 0, 4, 0, 0, 0, 4 });
-    set_camera(&g->rig[1], near, (const int32_t[9]) {
-        6, 0, 0, 6, 0, 0, 0, 0, 2 });
+    set_camera(&g->rig[0], near,
+               (const int32_t[9]){ 4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[1], near,
+               (const int32_t[9]){ 6, 0, 0, 6, 0, 0, 0, 0, 2 });
     g->rig[1].focal_q16[0] = INT32_MAX;
     g->rig[1].focal_q16[1] = 80;
 }
@@ -447,23 +447,21 @@ static void largest_splats(gen_stream *g)
  * lengths are the shortest. */
 static void steep_cameras(gen_stream *g)
 {
-    static const int32_t behind[3] = {
-        CORNER, CORNER - 1, CORNER - (1 << 20)
-    };
+    static const int32_t behind[3] = { CORNER, CORNER - 1, CORNER - (1 << 20) };
 
     in_corner(g);
     for (int i = 0; i < 2; i++) {
         saga_rig_camera *const c = &g->rig[i];
 
-        set_camera(c, behind, (const int32_t[9]) { 0 });
+        set_camera(c, behind, (const int32_t[9]){ 0 });
         c->rotation_q30[2] = (1 << 30) - 1;
         c->rotation_q30[4] = 1;
         c->rotation_q30[5] = -(1 << 30);
         c->rotation_q30[8] = 1 << 27;
         c->focal_q16[0] = c->focal_q16[1] = i ? INT32_MAX : 1 << 16;
     }
-    set_camera(&g->rig[2], behind, (const int32_t[9]) {
-        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[2], behind,
+               (const int32_t[9]){ 4, 0, 0, 0, 4, 0, 0, 0, 4 });
     for (int i = 0; i < 6; i++)
         g->rig[2].rotation_q30[i] /= 1 << 20;
     g->rig[2].width = g->rig[2].height = 1;
@@ -473,9 +471,9 @@ static void steep_cameras(gen_stream *g)
     }
 }
 
-#define ALL (uint32_t)SAGA_TOOLS_PICTURE
-#define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given, \
-    .no_fuse = 3, .linear = 1
+#define ALL (uint32_t) SAGA_TOOLS_PICTURE
+#define DRAWN(given) \
+    .picture = 1, .tools_fixed = 1, .tools = given, .no_fuse = 3, .linear = 1
 
 #define CORNERED(given) .seed = 66, .level = 0, .n_coarse = 4, DRAWN(given)
 
@@ -484,53 +482,106 @@ static const struct {
     gen_options o;
     void (*change)(gen_stream *g);
 } streams[] = {
-    { "one_neighbour", { .seed = 51, .level = 1, .n_coarse = 12,
-        .tools_fixed = 1, .tools = ALL, .picture = 1, .no_fuse = 3 },
-        one_neighbour },
-    { "bank_opposite", { .seed = 52, .level = 1, .n_coarse = 6, DRAWN(0),
-        .bank = GEN_BANK_PLAIN, .bank_slots = 64, .bank_width = 16,
-        .bank_blocks = 2 }, opposite_write },
-    { "bank_equal", { .seed = 53, .level = 3, .n_coarse = 6, DRAWN(0),
-        .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 256, .bank_width = 8,
-        .bank_blocks = 4 }, equal_scores },
-    { "largest_outputs", { .seed = 54, .level = 0, .n_coarse = 4, DRAWN(ALL) },
-        largest_outputs },
-    { "invisible", { .seed = 55, .level = 0, .n_coarse = 4, DRAWN(ALL) },
-        invisible },
-    { "short_lives", { .seed = 56, .level = 0, .n_coarse = 4, DRAWN(ALL) },
-        short_lives },
-    { "no_rotation", { .seed = 57, .level = 0, .n_coarse = 4, DRAWN(0) },
-        no_rotation },
-    { "huge_splats", { .seed = 58, .level = 0, .n_coarse = 4, DRAWN(0) },
-        huge_splats },
-    { "strange_cameras", { .seed = 59, .level = 0, .n_coarse = 4, DRAWN(0) },
-        strange_cameras },
-    { "no_fine_anchors", { .seed = 60, .level = 0, .n_coarse = 4, DRAWN(0) },
-        no_fine_anchors },
-    { "no_primitives", { .seed = 61, .level = 0, .n_coarse = 4, DRAWN(0) },
-        no_primitives },
-    { "deepest_leaf", { .seed = 62, .level = 1, .n_coarse = 4, DRAWN(0) },
-        deepest_leaf },
-    { "deepest_in_space", { .seed = 64, .level = 0, .n_coarse = 4, DRAWN(0) },
-        deepest_in_space },
-    { "deepest_in_time", { .seed = 65, .level = 0, .n_coarse = 4, DRAWN(0) },
-        deepest_in_time },
-    { "largest_weights", { .seed = 63, .level = 1, .n_coarse = 4, DRAWN(0) },
-        largest_weights },
-    { "largest_sums", { .seed = 67, .level = 1, .n_coarse = 6, .features = 63,
-        DRAWN(0) }, largest_sums },
-    { "most_neighbours", { .seed = 126, .level = 1, .n_coarse = 24,
-        .features = 64, DRAWN(0) }, most_neighbours },
-    { "bank_no_write", { .seed = 223, .level = 0, .n_coarse = 3,
-        .features = 5, DRAWN(0),
-        .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32, .bank_width = 8,
-        .bank_blocks = 1 }, no_write },
-    { "bank_parallel", { .seed = 309, .level = 0, .n_coarse = 3,
-        .features = 5, DRAWN(0),
-        .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32, .bank_width = 8,
-        .bank_blocks = 1 }, parallel_write },
-    { "corner", { .seed = 66, .level = 1, .n_coarse = 4, .features = 8,
-        DRAWN(SAGA_TOOL_VIEW | SAGA_TOOL_SLOPE | 1u << 3) }, corner },
+    { "one_neighbour",
+      { .seed = 51,
+        .level = 1,
+        .n_coarse = 12,
+        .tools_fixed = 1,
+        .tools = ALL,
+        .picture = 1,
+        .no_fuse = 3 },
+      one_neighbour },
+    { "bank_opposite",
+      { .seed = 52,
+        .level = 1,
+        .n_coarse = 6,
+        DRAWN(0),
+        .bank = GEN_BANK_PLAIN,
+        .bank_slots = 64,
+        .bank_width = 16,
+        .bank_blocks = 2 },
+      opposite_write },
+    { "bank_equal",
+      { .seed = 53,
+        .level = 3,
+        .n_coarse = 6,
+        DRAWN(0),
+        .bank = GEN_BANK_ORTHOGONAL,
+        .bank_slots = 256,
+        .bank_width = 8,
+        .bank_blocks = 4 },
+      equal_scores },
+    { "largest_outputs",
+      { .seed = 54, .level = 0, .n_coarse = 4, DRAWN(ALL) },
+      largest_outputs },
+    { "invisible",
+      { .seed = 55, .level = 0, .n_coarse = 4, DRAWN(ALL) },
+      invisible },
+    { "short_lives",
+      { .seed = 56, .level = 0, .n_coarse = 4, DRAWN(ALL) },
+      short_lives },
+    { "no_rotation",
+      { .seed = 57, .level = 0, .n_coarse = 4, DRAWN(0) },
+      no_rotation },
+    { "huge_splats",
+      { .seed = 58, .level = 0, .n_coarse = 4, DRAWN(0) },
+      huge_splats },
+    { "strange_cameras",
+      { .seed = 59, .level = 0, .n_coarse = 4, DRAWN(0) },
+      strange_cameras },
+    { "no_fine_anchors",
+      { .seed = 60, .level = 0, .n_coarse = 4, DRAWN(0) },
+      no_fine_anchors },
+    { "no_primitives",
+      { .seed = 61, .level = 0, .n_coarse = 4, DRAWN(0) },
+      no_primitives },
+    { "deepest_leaf",
+      { .seed = 62, .level = 1, .n_coarse = 4, DRAWN(0) },
+      deepest_leaf },
+    { "deepest_in_space",
+      { .seed = 64, .level = 0, .n_coarse = 4, DRAWN(0) },
+      deepest_in_space },
+    { "deepest_in_time",
+      { .seed = 65, .level = 0, .n_coarse = 4, DRAWN(0) },
+      deepest_in_time },
+    { "largest_weights",
+      { .seed = 63, .level = 1, .n_coarse = 4, DRAWN(0) },
+      largest_weights },
+    { "largest_sums",
+      { .seed = 67, .level = 1, .n_coarse = 6, .features = 63, DRAWN(0) },
+      largest_sums },
+    { "most_neighbours",
+      { .seed = 126, .level = 1, .n_coarse = 24, .features = 64, DRAWN(0) },
+      most_neighbours },
+    { "bank_no_write",
+      { .seed = 223,
+        .level = 0,
+        .n_coarse = 3,
+        .features = 5,
+        DRAWN(0),
+        .bank = GEN_BANK_ORTHOGONAL,
+        .bank_slots = 32,
+        .bank_width = 8,
+        .bank_blocks = 1 },
+      no_write },
+    { "bank_parallel",
+      { .seed = 309,
+        .level = 0,
+        .n_coarse = 3,
+        .features = 5,
+        DRAWN(0),
+        .bank = GEN_BANK_ORTHOGONAL,
+        .bank_slots = 32,
+        .bank_width = 8,
+        .bank_blocks = 1 },
+      parallel_write },
+    { "corner",
+      { .seed = 66,
+        .level = 1,
+        .n_coarse = 4,
+        .features = 8,
+        DRAWN(SAGA_TOOL_VIEW | SAGA_TOOL_SLOPE | 1u << 3) },
+      corner },
     { "own_time", { CORNERED(SAGA_TOOL_OPACITY_T) }, own_time },
     { "largest_splats", { CORNERED(SAGA_TOOL_OPACITY_T) }, largest_splats },
     { "steep_cameras", { CORNERED(0) }, steep_cameras },

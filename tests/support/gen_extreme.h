@@ -19,7 +19,7 @@ enum { GEN_MAX_LOOKS = 3 };
 typedef struct gen_extreme_plan {
     const char *name;
     gen_look look[GEN_MAX_LOOKS];
-    int n_looks;             /* beside those of every stream */
+    int n_looks; /* beside those of every stream */
 } gen_extreme_plan;
 
 /* Makes stream number i (free it) and sets *plan to its name and pictures.

@@ -16,15 +16,28 @@
 
 /* The index of the first feature that holds an attribute. */
 enum {
-    AT_OPACITY, AT_SCALE, AT_QUAT = 4, AT_SLOPE = 8, AT_TIME = 12, AT_WIDTH,
-    AT_MOTION, AT_COLOUR = 23, AT_SUPPORT = 26, N_FEATURES = 29
+    AT_OPACITY,
+    AT_SCALE,
+    AT_QUAT = 4,
+    AT_SLOPE = 8,
+    AT_TIME = 12,
+    AT_WIDTH,
+    AT_MOTION,
+    AT_COLOUR = 23,
+    AT_SUPPORT = 26,
+    N_FEATURES = 29
 };
 
 enum {
-    STEP = 16,               /* the step of everything that is coded */
-    MOST = 2047,             /* largest number of steps that fits 16 bits */
-    Q_FEATURE = 8, Q_SUPPORT = 8, Q_SCALE = 9, Q_TIME = 14, Q_COLOUR = 14,
-    N_COPIES = 256, MAX_DEPTH = 4
+    STEP = 16,   /* the step of everything that is coded */
+    MOST = 2047, /* largest number of steps that fits 16 bits */
+    Q_FEATURE = 8,
+    Q_SUPPORT = 8,
+    Q_SCALE = 9,
+    Q_TIME = 14,
+    Q_COLOUR = 14,
+    N_COPIES = 256,
+    MAX_DEPTH = 4
 };
 
 static void refuse(const char *what, int32_t value)
@@ -46,7 +59,8 @@ static void *array(size_t n, size_t size)
 
 gen_given gen_given_ball(int32_t depth, int log2_scale)
 {
-    gen_given g = { .p = { .x = { 0, 0, depth }, .t_centre = 32768,
+    gen_given g = { .p = { .x = { 0, 0, depth },
+                           .t_centre = 32768,
                            .quat = { 1 << GIVEN_Q_QUAT, 0, 0, 0 },
                            .opacity = GIVEN_FULL,
                            .log2_width_q10 = 28 << 10 } };
@@ -77,22 +91,29 @@ saga_prim_format gen_given_format(uint32_t tools)
 static void make_model(saga_model *m, uint32_t tools)
 {
     static const uint8_t q[SAGA_N_OUTS] = {
-        [SAGA_OUT_COARSE] = Q_FEATURE, [SAGA_OUT_SIGMA] = 8,
-        [SAGA_OUT_FINE] = Q_FEATURE, [SAGA_OUT_SUPPORT] = Q_SUPPORT,
-        [SAGA_OUT_OPACITY] = GIVEN_Q_OPACITY, [SAGA_OUT_SCALE] = Q_SCALE,
-        [SAGA_OUT_QUAT] = GIVEN_Q_QUAT, [SAGA_OUT_SLOPE] = GIVEN_Q_QUAT,
-        [SAGA_OUT_TIME] = Q_TIME, [SAGA_OUT_WIDTH] = Q_SCALE,
+        [SAGA_OUT_COARSE] = Q_FEATURE,
+        [SAGA_OUT_SIGMA] = 8,
+        [SAGA_OUT_FINE] = Q_FEATURE,
+        [SAGA_OUT_SUPPORT] = Q_SUPPORT,
+        [SAGA_OUT_OPACITY] = GIVEN_Q_OPACITY,
+        [SAGA_OUT_SCALE] = Q_SCALE,
+        [SAGA_OUT_QUAT] = GIVEN_Q_QUAT,
+        [SAGA_OUT_SLOPE] = GIVEN_Q_QUAT,
+        [SAGA_OUT_TIME] = Q_TIME,
+        [SAGA_OUT_WIDTH] = Q_SCALE,
         [SAGA_OUT_MOTION1] = GIVEN_Q_MOTION,
         [SAGA_OUT_MOTION2] = GIVEN_Q_MOTION,
-        [SAGA_OUT_MOTION3] = GIVEN_Q_MOTION, [SAGA_OUT_COLOUR] = Q_COLOUR
+        [SAGA_OUT_MOTION3] = GIVEN_Q_MOTION,
+        [SAGA_OUT_COLOUR] = Q_COLOUR
     };
 
     m->tools = tools;
     m->features = N_FEATURES;
     m->octaves = 1;
     for (int i = 0; i < SAGA_N_TIERS; i++)
-        m->tier[i] = (saga_tier){ .n_groups = 1, .neighbours = 1,
-                                  .max_children = 16, .softmax_q8 = 1 };
+        m->tier[i] = (saga_tier){
+            .n_groups = 1, .neighbours = 1, .max_children = 16, .softmax_q8 = 1
+        };
     for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = STEP << 16;
     memcpy(m->out_q, q, sizeof q);
@@ -137,14 +158,17 @@ static void pass_all(saga_layer_symbols *l, uint32_t n_in, uint32_t n,
 
 static void make_geo(saga_layer_symbols *l, uint32_t n_in, const saga_model *m)
 {
-    static const struct { uint8_t out, at, shift; } out[] = {
-        { SAGA_OUT_OPACITY, AT_OPACITY, 0 }, { SAGA_OUT_SCALE, AT_SCALE, 0 },
-        { SAGA_OUT_QUAT, AT_QUAT, 4 }, { SAGA_OUT_SLOPE, AT_SLOPE, 4 },
-        { SAGA_OUT_TIME, AT_TIME, 0 }, { SAGA_OUT_WIDTH, AT_WIDTH, 0 },
-        { SAGA_OUT_MOTION1, AT_MOTION, 0 },
-        { SAGA_OUT_MOTION2, AT_MOTION + 3, 0 },
-        { SAGA_OUT_MOTION3, AT_MOTION + 6, 0 }
-    };
+    static const struct {
+        uint8_t out, at, shift;
+    } out[] = { { SAGA_OUT_OPACITY, AT_OPACITY, 0 },
+                { SAGA_OUT_SCALE, AT_SCALE, 0 },
+                { SAGA_OUT_QUAT, AT_QUAT, 4 },
+                { SAGA_OUT_SLOPE, AT_SLOPE, 4 },
+                { SAGA_OUT_TIME, AT_TIME, 0 },
+                { SAGA_OUT_WIDTH, AT_WIDTH, 0 },
+                { SAGA_OUT_MOTION1, AT_MOTION, 0 },
+                { SAGA_OUT_MOTION2, AT_MOTION + 3, 0 },
+                { SAGA_OUT_MOTION3, AT_MOTION + 6, 0 } };
     saga_rows rows[SAGA_N_OUTS];
 
     saga_model_rows(rows, m);
@@ -280,7 +304,8 @@ static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
             if (i > 0 && p[i].key >> below == p[i - 1].key >> below)
                 continue;
             for (uint32_t k = i; level < depth && k < n &&
-                        p[k].key >> below == p[i].key >> below; k++)
+                                 p[k].key >> below == p[i].key >> below;
+                 k++)
                 s->occupancy[s->n_nodes] |=
                     (uint16_t)(1u << (p[k].key >> (below - 3) & 7u));
             s->split[s->n_nodes++] = level < depth;
@@ -353,8 +378,8 @@ static void make_features(int32_t *f, const gen_given *given, uint32_t depth,
     f[AT_TIME] = time;
     f[AT_WIDTH] = steps("log2_width", p->log2_width_q10 - (15 << 10), 2 * STEP);
     for (int i = 0; i < 4; i++) {
-        f[AT_QUAT + i] = steps("quat", p->quat[i] -
-                               (i ? 0 : 1 << GIVEN_Q_QUAT), 1);
+        f[AT_QUAT + i] = steps("quat", p->quat[i] - (i ? 0 : 1 << GIVEN_Q_QUAT),
+                               1);
         f[AT_SLOPE + i] = steps("slope", p->slope[i], 1);
     }
     for (int i = 0; i < 9; i++)
@@ -362,11 +387,12 @@ static void make_features(int32_t *f, const gen_given *given, uint32_t depth,
     for (int i = 0; i < 3; i++) {
         const int32_t half = SAGA_LOG2_HALF_X - (int32_t)depth;
 
-        f[AT_SCALE + i] = steps("log2_scale", p->log2_scale_q10[i] -
-                                half * 1024, 2 * STEP);
+        f[AT_SCALE + i] = steps("log2_scale",
+                                p->log2_scale_q10[i] - half * 1024, 2 * STEP);
         f[AT_COLOUR + i] = steps("colour", given->colour_q15[i], 2 * STEP);
-        f[AT_SUPPORT + i] = steps("support", (log2_of(p->support[i]) - half) *
-                                  (1 << Q_SUPPORT), STEP);
+        f[AT_SUPPORT + i] = steps(
+            "support", (log2_of(p->support[i]) - half) * (1 << Q_SUPPORT),
+            STEP);
     }
 }
 
@@ -401,8 +427,7 @@ static void make_counts(saga_symbols *s, const placed *p, uint32_t n)
     s->prim_offset = array((size_t)s->n.prim * 4, sizeof *s->prim_offset);
 }
 
-static void make_symbols(saga_symbols *s, placed *p, uint32_t n,
-                         uint32_t depth)
+static void make_symbols(saga_symbols *s, placed *p, uint32_t n, uint32_t depth)
 {
     uint32_t fine = 0, prim = 0;
 

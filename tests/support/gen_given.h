@@ -16,17 +16,17 @@
  * quat[0] in -1023..3071, the others and the slopes within +-2047. */
 enum {
     GIVEN_Q_OPACITY = 10,
-    GIVEN_FULL = 192,        /* opacity 8 / (1 + 2^(3 - 192/1024)) = 0.9969 */
+    GIVEN_FULL = 192, /* opacity 8 / (1 + 2^(3 - 192/1024)) = 0.9969 */
     GIVEN_Q_QUAT = 10,
     GIVEN_Q_MOTION = 11
 };
 
 typedef struct gen_given {
-    saga_primitive p;        /* x: rounded to support / 1024 or finer; support:
-                              * a power of two, at least 1024. Other values that
-                              * the format cannot express are refused */
-    uint16_t colour_q15[3];  /* multiples of 32 */
-    uint32_t copies;         /* number at the same place, 1..256; 0 means 1 */
+    saga_primitive p;       /* x: rounded to support / 1024 or finer; support:
+                             * a power of two, at least 1024. Other values that
+                             * the format cannot express are refused */
+    uint16_t colour_q15[3]; /* multiples of 32 */
+    uint32_t copies;        /* number at the same place, 1..256; 0 means 1 */
 } gen_given;
 
 /* Returns a ball at (0, 0, depth) with deviations of 2^log2_scale box units. It

@@ -148,8 +148,8 @@ void gen_hard_primitive(saga_primitive *p, gen_rng *r, int max_shift)
     static const int32_t times[] = { -32768, 0, 32768, 65535, 98303 };
 
     for (int i = 0; i < 3; i++) {
-        p->x[i] = gen_one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
-                                                      (1 << 23) - 1);
+        p->x[i] = gen_one_in(r, 4) ? -(1 << 23)
+                                   : gen_int(r, -(1 << 23), (1 << 23) - 1);
         p->support[i] = 1 << gen_int(r, 0, 23);
         if (gen_one_in(r, 2))
             p->support[i] = gen_int(r, 1, 1 << 23);

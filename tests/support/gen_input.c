@@ -28,12 +28,28 @@
 #include <webp/encode.h>
 #include <zlib.h>
 
-const char *const input_kind_text[INPUT_N_KINDS] = {
-    "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
-    "Panoptic Sports", "TOML", "COLMAP", "COLMAP text", "compressed PLY",
-    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint", "film", "TIFF",
-    "TIFF in YCbCr", "WebP"
-};
+const char *const input_kind_text[INPUT_N_KINDS] = { "PNG",
+                                                     "JPEG",
+                                                     "EXR",
+                                                     "EXR depth",
+                                                     "npy",
+                                                     "PLY",
+                                                     "PLY text",
+                                                     "JSON",
+                                                     "Panoptic Sports",
+                                                     "TOML",
+                                                     "COLMAP",
+                                                     "COLMAP text",
+                                                     "compressed PLY",
+                                                     "PLY of splats",
+                                                     "SPZ",
+                                                     "GLB",
+                                                     "SOG",
+                                                     "checkpoint",
+                                                     "film",
+                                                     "TIFF",
+                                                     "TIFF in YCbCr",
+                                                     "WebP" };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
 
@@ -137,10 +153,12 @@ static void write_pixels(const char *name, int exr)
 void input_begin(void)
 {
     check(mkdtemp(folder) && mkdir(path_of("colmap"), 0700) == 0 &&
-          mkdir(path_of("text"), 0700) == 0, "no folder can be made in /tmp");
+              mkdir(path_of("text"), 0700) == 0,
+          "no folder can be made in /tmp");
     check(mkdir(path_of("sports"), 0700) == 0 &&
-          mkdir(path_of("sports/ims"), 0700) == 0 &&
-          mkdir(path_of("toml"), 0700) == 0, "no folder can be made");
+              mkdir(path_of("sports/ims"), 0700) == 0 &&
+              mkdir(path_of("toml"), 0700) == 0,
+          "no folder can be made");
     write_pixels("sports/ims/a.png", 0);
     write_pixels("a.png", 0);
     write_pixels("b.png", 0);
@@ -181,7 +199,8 @@ static void seed_jpeg(bytes *b)
     for (int i = 0; i < 3 * W * H; i++)
         rgb[i] = (unsigned char)(i * i * 37 >> 3);
     check(tjCompress2(encoder, rgb, W, 0, H, TJPF_RGB, &jpeg, &n, TJSAMP_420,
-                      90, TJFLAG_PROGRESSIVE) == 0, "no JPEG");
+                      90, TJFLAG_PROGRESSIVE) == 0,
+          "no JPEG");
     put(b, jpeg, n);
     tjFree(jpeg);
     tjDestroy(encoder);
@@ -205,10 +224,10 @@ static uint8_t *seed_tiff(int ycbcr, size_t *n)
     TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, each);
     TIFFSetField(t, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
     TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, ROWS);
-    TIFFSetField(t, TIFFTAG_COMPRESSION, ycbcr ? COMPRESSION_JPEG
-                                               : COMPRESSION_LZW);
-    TIFFSetField(t, TIFFTAG_PHOTOMETRIC, ycbcr ? PHOTOMETRIC_YCBCR
-                                               : PHOTOMETRIC_RGB);
+    TIFFSetField(t, TIFFTAG_COMPRESSION,
+                 ycbcr ? COMPRESSION_JPEG : COMPRESSION_LZW);
+    TIFFSetField(t, TIFFTAG_PHOTOMETRIC,
+                 ycbcr ? PHOTOMETRIC_YCBCR : PHOTOMETRIC_RGB);
     if (ycbcr)
         TIFFSetField(t, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
     else
@@ -251,7 +270,8 @@ static void seed_ply(bytes *b, int text)
 
     put_text(b, text ? "ply\nformat ascii 1.0\n"
                      : "ply\nformat binary_little_endian 1.0\n");
-    put_text(b, "comment x\nelement vertex 5\nproperty float x\nproperty float "
+    put_text(b,
+             "comment x\nelement vertex 5\nproperty float x\nproperty float "
              "y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
              "property uchar blue\nend_header\n");
     if (!text)
@@ -265,16 +285,19 @@ static void seed_json(bytes *b)
     static const char *const name[] = { "a", "b" };
     char text[400];
 
-    put_text(b, "{\"fl_x\": 7.5, \"fl_y\": 7, \"cx\": 4, \"cy\": 3, \"w\": 8, "
+    put_text(b,
+             "{\"fl_x\": 7.5, \"fl_y\": 7, \"cx\": 4, \"cy\": 3, \"w\": 8, "
              "\"h\": 6, \"k1\": 0.01, \"k2\": -0.02, \"p1\": 0.001, \"p2\": 0, "
              "\"fps\": 30, \"camera_model\": \"OPENCV\", "
              "\"train_filenames\": [\"a.png\"], \"test_filenames\": "
              "[\"b.png\"], \"frames\": [");
     for (int i = 0; i < 2; i++) {
-        snprintf(text, sizeof text, "%s{\"file_path\": \"%s.png\", "
+        snprintf(text, sizeof text,
+                 "%s{\"file_path\": \"%s.png\", "
                  "\"camera\": \"%s\", \"time\": 0.0, \"transform_matrix\": "
                  "[[1, 0, 0, %d], [0, 1, 0, 0.5], [0, 0, 1, 0], "
-                 "[0, 0, 0, 1]]}", i ? ", " : "", name[i], name[i], i);
+                 "[0, 0, 0, 1]]}",
+                 i ? ", " : "", name[i], name[i], i);
         put_text(b, text);
     }
     put_text(b, "]}");
@@ -289,9 +312,11 @@ static void seed_sports(bytes *b)
 
     snprintf(first, sizeof first, w2c, 0);
     snprintf(second, sizeof second, w2c, 1);
-    snprintf(text, sizeof text, "{\"w\": 8, \"h\": 6, \"k\": [[%s, %s]], "
+    snprintf(text, sizeof text,
+             "{\"w\": 8, \"h\": 6, \"k\": [[%s, %s]], "
              "\"w2c\": [[%s, %s]], \"fn\": [[\"a.png\", \"a.png\"]], "
-             "\"cam_id\": [[3, 14]]}", k, k, first, second);
+             "\"cam_id\": [[3, 14]]}",
+             k, k, first, second);
     put_text(b, text);
 }
 
@@ -300,12 +325,14 @@ static void seed_toml(bytes *b)
     char text[400];
 
     for (int i = 0; i < 2; i++) {
-        snprintf(text, sizeof text, "[cam_%d] # of two\nname = \"c%d\"\n"
+        snprintf(text, sizeof text,
+                 "[cam_%d] # of two\nname = \"c%d\"\n"
                  "size = [ 8, 6,]\nmatrix = [ [ 7.5, 0.0, 4.0,],\n"
                  "[ 0.0, 7.0, 3.0,], [ 0.0, 0.0, 1.0,],]\n"
                  "distortions = [ 0.01, -0.02, 0.001, 0.0, 0.0,]\n"
                  "rotation = [ 0.1, %d, 0.3,]\ntranslation = [ 1, 2e-1, 3,]\n"
-                 "fisheye = false\n\n", i, i, i);
+                 "fisheye = false\n\n",
+                 i, i, i);
         put_text(b, text);
     }
     put_text(b, "[metadata]\nadjusted = true\nwhere = 'C:\\x'\n");
@@ -364,7 +391,7 @@ static void seed_colmap(bytes *b)
 
     put_le(&part, 1, 8);
     put_le(&part, 1, 4);
-    put_le(&part, 4, 4);     /* OPENCV */
+    put_le(&part, 4, 4); /* OPENCV */
     put_le(&part, W, 8);
     put_le(&part, H, 8);
     for (int i = 0; i < 8; i++)
@@ -420,9 +447,15 @@ static uint8_t *seed_checkpoint(size_t *n)
 /* A film with all chunks that a file can have. */
 static uint8_t *seed_film(size_t *n)
 {
-    const gen_options all = { .seed = 4, .level = 1, .n_coarse = 2,
-                              .n_segments = 2, .n_layers = 2, .base = 1,
-                              .named = 1, .exposed = 1, .sounds = 1 };
+    const gen_options all = { .seed = 4,
+                              .level = 1,
+                              .n_coarse = 2,
+                              .n_segments = 2,
+                              .n_layers = 2,
+                              .base = 1,
+                              .named = 1,
+                              .exposed = 1,
+                              .sounds = 1 };
 
     return gen_stream_bytes(&all, n);
 }
@@ -485,12 +518,26 @@ static uint64_t next(uint64_t *r)
 /* Overwrites bytes with extreme integers and reals. */
 static void plant(uint8_t *p, size_t n, uint64_t *r)
 {
-    static const uint64_t value[] = {
-        0, 1, 2, 0x7f, 0x80, 0xff, 0x7fff, 0xffff, 0x7fffffff, 0x80000000,
-        0xffffffff, 0x100000001, 0x7fffffffffffffff, 0x8000000000000000,
-        0x7ff0000000000000, 0x7ff8000000000000, 0x7fefffffffffffff,
-        0x0010000000000000, 0xbff0000000000000, 0xffffffffffffffff
-    };
+    static const uint64_t value[] = { 0,
+                                      1,
+                                      2,
+                                      0x7f,
+                                      0x80,
+                                      0xff,
+                                      0x7fff,
+                                      0xffff,
+                                      0x7fffffff,
+                                      0x80000000,
+                                      0xffffffff,
+                                      0x100000001,
+                                      0x7fffffffffffffff,
+                                      0x8000000000000000,
+                                      0x7ff0000000000000,
+                                      0x7ff8000000000000,
+                                      0x7fefffffffffffff,
+                                      0x0010000000000000,
+                                      0xbff0000000000000,
+                                      0xffffffffffffffff };
     const uint64_t v = value[next(r) % (sizeof value / sizeof *value)];
     const size_t size = (size_t)1 << next(r) % 4;
 
@@ -500,21 +547,44 @@ static void plant(uint8_t *p, size_t n, uint64_t *r)
 
 static int is_text(input_kind kind)
 {
-    return kind == INPUT_JSON || kind == INPUT_SPORTS ||
-           kind == INPUT_TOML || kind == INPUT_PLY_TEXT ||
-           kind == INPUT_COLMAP_TEXT;
+    return kind == INPUT_JSON || kind == INPUT_SPORTS || kind == INPUT_TOML ||
+           kind == INPUT_PLY_TEXT || kind == INPUT_COLMAP_TEXT;
 }
 
 /* Replaces n bytes at `at` by a word. */
 static void put_word(bytes *b, size_t at, size_t n, uint64_t *r)
 {
-    static const char *const word[] = {
-        "", "0", "-1", "1e999", "nan", "-inf", "1e-320", "4294967296",
-        "18446744073709551616", "99999999999999999999999", "\"", "[", "]", "{",
-        "}", ",", ":", "null", "true", "\n", " ", "#", "\\u0000", "a.png",
-        "transform_matrix", "\"frames\": [", "[[[[[[[[", "[a.b.c]\n", "'",
-        "=", "cameras"
-    };
+    static const char *const word[] = { "",
+                                        "0",
+                                        "-1",
+                                        "1e999",
+                                        "nan",
+                                        "-inf",
+                                        "1e-320",
+                                        "4294967296",
+                                        "18446744073709551616",
+                                        "99999999999999999999999",
+                                        "\"",
+                                        "[",
+                                        "]",
+                                        "{",
+                                        "}",
+                                        ",",
+                                        ":",
+                                        "null",
+                                        "true",
+                                        "\n",
+                                        " ",
+                                        "#",
+                                        "\\u0000",
+                                        "a.png",
+                                        "transform_matrix",
+                                        "\"frames\": [",
+                                        "[[[[[[[[",
+                                        "[a.b.c]\n",
+                                        "'",
+                                        "=",
+                                        "cameras" };
     const char *const w = word[next(r) % (sizeof word / sizeof *word)];
     const size_t m = strlen(w), rest = b->n - at - n;
 
@@ -572,8 +642,8 @@ static void sign_png(bytes *b)
     }
 }
 
-uint8_t *input_damage(input_kind kind, const uint8_t *p, size_t n,
-                      uint64_t *r, size_t *n_out)
+uint8_t *input_damage(input_kind kind, const uint8_t *p, size_t n, uint64_t *r,
+                      size_t *n_out)
 {
     bytes b = { NULL, 0 };
 
@@ -599,8 +669,10 @@ static int play_picture(const char *path, saga_error *error)
     if ((long)look.width * look.height > MAX_PIXELS)
         return saga_fail(error, path, NULL, "too large for this harness");
     rgb = must(malloc((size_t)look.width * (size_t)look.height * 3));
-    ok = saga_picture_read(path, &(saga_picture_wish){
-        .width = look.width, .height = look.height }, rgb, error);
+    ok = saga_picture_read(
+        path,
+        &(saga_picture_wish){ .width = look.width, .height = look.height }, rgb,
+        error);
     free(rgb);
     return ok;
 }
@@ -696,7 +768,8 @@ static int play_cloud(const char *path, saga_error *error)
 static int walk_film(const char *path, const saga_bytes *film,
                      saga_error *error)
 {
-    const saga_splice_part part = { .name = path, .bytes = film->data,
+    const saga_splice_part part = { .name = path,
+                                    .bytes = film->data,
                                     .nbytes = film->nbytes };
     const saga_recording none = { 0 };
     saga_error silent = { "" };
@@ -775,7 +848,7 @@ int input_play(input_kind kind, const uint8_t *p, size_t n)
     if (kind == INPUT_COLMAP || kind == INPUT_COLMAP_TEXT) {
         ok = play_colmap(kind == INPUT_COLMAP_TEXT, p, n, &error);
     } else {
-        const char *const name = kind == INPUT_JSON     ? "x.json"
+        const char *const name = kind == INPUT_JSON ? "x.json"
                                  : kind == INPUT_SPORTS
                                      ? "sports/train_meta.json"
                                  : kind == INPUT_TOML ? "toml/calibration.toml"

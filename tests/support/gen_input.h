@@ -14,22 +14,22 @@
 typedef enum input_kind {
     INPUT_PNG,
     INPUT_JPEG,
-    INPUT_EXR,               /* colours */
+    INPUT_EXR, /* colours */
     INPUT_EXR_DEPTH,
     INPUT_NPY,
     INPUT_PLY,
     INPUT_PLY_TEXT,
-    INPUT_JSON,              /* transforms.json, with pictures that exist */
-    INPUT_SPORTS,            /* train_meta.json, with pictures that exist */
-    INPUT_TOML,              /* calibration.toml, without videos */
-    INPUT_COLMAP,            /* three files in one, each after its length */
+    INPUT_JSON,   /* transforms.json, with pictures that exist */
+    INPUT_SPORTS, /* train_meta.json, with pictures that exist */
+    INPUT_TOML,   /* calibration.toml, without videos */
+    INPUT_COLMAP, /* three files in one, each after its length */
     INPUT_COLMAP_TEXT,
-    INPUT_CLOUD,             /* and four more, of saga_cloud_format_at(0..4) */
+    INPUT_CLOUD, /* and four more, of saga_cloud_format_at(0..4) */
     INPUT_CHECKPOINT = INPUT_CLOUD + 5,
-    INPUT_FILM,              /* a .saga file, for cut, join and mux; also with
-                              * its checksums computed anew */
-    INPUT_TIFF,              /* in strips of LZW, and of JPEG in YCbCr, which
-                              * libtiff converts */
+    INPUT_FILM, /* a .saga file, for cut, join and mux; also with
+                 * its checksums computed anew */
+    INPUT_TIFF, /* in strips of LZW, and of JPEG in YCbCr, which
+                 * libtiff converts */
     INPUT_TIFF_YCBCR,
     INPUT_WEBP,
     INPUT_N_KINDS

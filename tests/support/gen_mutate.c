@@ -16,13 +16,13 @@
 #include <string.h>
 
 const char *const mutate_class_text[MUTATE_N_CLASSES] = {
-    "raw", "raw signed", "header", "index", "networks", "base", "counts",
-    "coarse", "fine", "prim", "order"
+    "raw",    "raw signed", "header", "index", "networks", "base",
+    "counts", "coarse",     "fine",   "prim",  "order"
 };
 
 const char *const mutate_stage_text[MUTATE_N_STAGES] = {
-    "header", "size", "index", "nets", "segment", "tree", "coarse", "fine",
-    "prim", "view", "drawn"
+    "header", "size", "index", "nets", "segment", "tree",
+    "coarse", "fine", "prim",  "view", "drawn"
 };
 
 void *mutate_must(void *p)
@@ -254,7 +254,7 @@ void mutate_sign(uint8_t *bytes, size_t n)
     for (uint32_t i = 0;
          (k = mutate_sign_chunk(bytes + at, n - at,
                                 is_aside(bytes + at, n - at) ? nets : owner)) >
-             0;
+         0;
          i++, at += k) {
         if (i == NETS_CHUNK || (i > NETS_CHUNK && i < 5 && has_base(bytes)))
             owner = fx_load32_le(bytes + at + 8);
@@ -268,8 +268,8 @@ void mutate_sign(uint8_t *bytes, size_t n)
 /* A coder that passes every call on to another one and records what was asked
  * for. */
 typedef struct {
-    saga_coder coder;            /* first, so that a pointer to it can be cast
-                                  * back */
+    saga_coder coder; /* first, so that a pointer to it can be cast
+                       * back */
     saga_coder *inner;
     uint32_t leaves, fine, prim; /* numbers, counted from the symbols */
     uint8_t last;                /* the last SAGA_SYM_* that was asked for */
@@ -353,10 +353,11 @@ static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
 
 static mutate_stage stage_of(uint8_t sym)
 {
-    return sym <= SAGA_SYM_N_FINE ? MUTATE_AT_TREE
-         : sym <= SAGA_SYM_FEATURE ? MUTATE_AT_COARSE
-         : sym <= SAGA_SYM_FINE_OFFSET || sym == SAGA_SYM_N_PRIM
-               ? MUTATE_AT_FINE : MUTATE_AT_PRIM;
+    return sym <= SAGA_SYM_N_FINE    ? MUTATE_AT_TREE
+           : sym <= SAGA_SYM_FEATURE ? MUTATE_AT_COARSE
+           : sym <= SAGA_SYM_FINE_OFFSET || sym == SAGA_SYM_N_PRIM
+               ? MUTATE_AT_FINE
+               : MUTATE_AT_PRIM;
 }
 
 static int counts_fit(const saga_header *h, const saga_counts *n)
@@ -380,8 +381,9 @@ static mutate_stage stage_of_layer(const head *h, saga_counts n,
 
         saga_range_dec_init(&range, chunks[i].p, chunks[i].n);
         witness_init(&w, &range.coder);
-        w.last = i == 0 ? SAGA_SYM_SPLIT
-               : i == 1 ? SAGA_SYM_FINE_OFFSET : SAGA_SYM_PRIM_OFFSET;
+        w.last = i == 0   ? SAGA_SYM_SPLIT
+                 : i == 1 ? SAGA_SYM_FINE_OFFSET
+                          : SAGA_SYM_PRIM_OFFSET;
         if (!saga_syntax_part(&sc, i, &w.coder) ||
             !saga_range_dec_finish(&range))
             stage = stage_of(w.last);
@@ -490,8 +492,7 @@ static void raise_maxima(mutate_file *f)
     saga_header_io(&in, &h);
     if (h.level >= SAGA_N_PROFILES || h.max.coarse > 1000)
         return;
-    h.max.coarse = least(2 * h.max.coarse + 8,
-                              saga_caps[h.level].n_coarse);
+    h.max.coarse = least(2 * h.max.coarse + 8, saga_caps[h.level].n_coarse);
     h.max.fine = least(2 * h.max.fine + 40, saga_caps[h.level].n_fine);
     h.max.prim = least(2 * h.max.prim + 200, saga_caps[h.level].n_prim);
     saga_header_io(&out, &h);
@@ -537,7 +538,7 @@ static void insert(mutate_part *part, uint64_t *r)
         part->p[at + i] = (uint8_t)gen_random(r);
 }
 
-static void delete(mutate_part *part, uint64_t *r)
+static void delete (mutate_part *part, uint64_t *r)
 {
     const size_t at = pick(r, (uint32_t)part->n);
     const size_t k = few(r, part->n - at);
@@ -556,8 +557,11 @@ static void overwrite(mutate_part *part, uint64_t *r)
     if (how == 3)
         memmove(part->p + at, part->p + from, k);
     else
-        memset(part->p + at, how == 0 ? 0 : how == 1 ? 255
-                                                     : (int)pick(r, 256), k);
+        memset(part->p + at,
+               how == 0   ? 0
+               : how == 1 ? 255
+                          : (int)pick(r, 256),
+               k);
 }
 
 /* Makes one change at a random place of a payload. Half of the places are in
@@ -575,7 +579,7 @@ static void damage(mutate_part *part, uint64_t *r)
     if (pick(r, 2))
         at = part->n - 1 - at % (part->n / 8 + 1);
     if (how == 1)
-        delete(part, r);
+        delete (part, r);
     else if (how == 2)
         resize(part, at);
     else if (how == 3)
@@ -598,9 +602,10 @@ static void damage_some(mutate_part *part, uint64_t *r)
 static uint32_t odd_value(uint64_t *r)
 {
     static const uint32_t odd[] = {
-        0, 1, 2, 3, 7, 8, 15, 16, 17, 20, 24, 31, 32, 63, 64, 127, 128, 255,
-        256, 32767, 32768, 65535, 1u << 20, 0x7fffffff, 0x80000000u,
-        0xffffffffu
+        0,     1,        2,          3,           7,          8,     15,
+        16,    17,       20,         24,          31,         32,    63,
+        64,    127,      128,        255,         256,        32767, 32768,
+        65535, 1u << 20, 0x7fffffff, 0x80000000u, 0xffffffffu
     };
 
     if (pick(r, 3) == 0) {
@@ -616,23 +621,45 @@ static void damage_level(saga_tier *l, uint64_t *r)
     const uint32_t v = odd_value(r);
 
     switch (pick(r, 7)) {
-    case 0: l->n_groups = (uint8_t)(1 + v % 16); break;
-    case 1: l->window = (uint8_t)(v % 33); break;
-    case 2: l->neighbours = (uint8_t)(1 + v % 16); break;
-    case 3: l->suffix_bits = (uint8_t)(v % 9); break;
-    case 4: l->max_children = (uint8_t)(1 + v % 16); break;
-    case 5: l->radius2_q12 = (uint16_t)v; break;
-    default: l->softmax_q8 = (uint16_t)v; break;
+    case 0:
+        l->n_groups = (uint8_t)(1 + v % 16);
+        break;
+    case 1:
+        l->window = (uint8_t)(v % 33);
+        break;
+    case 2:
+        l->neighbours = (uint8_t)(1 + v % 16);
+        break;
+    case 3:
+        l->suffix_bits = (uint8_t)(v % 9);
+        break;
+    case 4:
+        l->max_children = (uint8_t)(1 + v % 16);
+        break;
+    case 5:
+        l->radius2_q12 = (uint16_t)v;
+        break;
+    default:
+        l->softmax_q8 = (uint16_t)v;
+        break;
     }
 }
 
 static void damage_memory(saga_model *m, uint64_t *r)
 {
     switch (pick(r, 4)) {
-    case 0: m->tools ^= SAGA_TOOL_PLAIN_WRITE; break;
-    case 1: m->bank_slots = (uint16_t)(1u << pick(r, 11)); break;
-    case 2: m->bank_width = (uint8_t)(8 * pick(r, 10)); break;
-    default: m->bank_blocks = (uint16_t)pick(r, 9); break;
+    case 0:
+        m->tools ^= SAGA_TOOL_PLAIN_WRITE;
+        break;
+    case 1:
+        m->bank_slots = (uint16_t)(1u << pick(r, 11));
+        break;
+    case 2:
+        m->bank_width = (uint8_t)(8 * pick(r, 10));
+        break;
+    default:
+        m->bank_blocks = (uint16_t)pick(r, 9);
+        break;
     }
 }
 
@@ -641,15 +668,33 @@ static void damage_model(saga_model *m, uint64_t *r)
     const uint32_t v = odd_value(r);
 
     switch (pick(r, 9)) {
-    case 0: m->tools ^= 1u << pick(r, 13); break;
-    case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
-    case 2: m->lambda_t_q8 = (uint16_t)v; break;
-    case 3: m->step_q16[pick(r, SAGA_N_STEPS)] = v; break;
-    case 4: m->out_q[pick(r, SAGA_N_OUTS)] = (uint8_t)(v % 22); break;
-    case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
-    case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
-    case 7: damage_memory(m, r); break;
-    default: damage_level(&m->tier[pick(r, 2)], r); break;
+    case 0:
+        m->tools ^= 1u << pick(r, 13);
+        break;
+    case 1:
+        m->sources[pick(r, 3)] = (uint8_t)(v & 15u);
+        break;
+    case 2:
+        m->lambda_t_q8 = (uint16_t)v;
+        break;
+    case 3:
+        m->step_q16[pick(r, SAGA_N_STEPS)] = v;
+        break;
+    case 4:
+        m->out_q[pick(r, SAGA_N_OUTS)] = (uint8_t)(v % 22);
+        break;
+    case 5:
+        m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17);
+        break;
+    case 6:
+        m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v;
+        break;
+    case 7:
+        damage_memory(m, r);
+        break;
+    default:
+        damage_level(&m->tier[pick(r, 2)], r);
+        break;
     }
 }
 
@@ -658,24 +703,60 @@ static void damage_fields(saga_header *h, uint64_t *r)
     const uint32_t v = odd_value(r);
 
     switch (pick(r, 29)) {
-    case 0: h->level = (uint8_t)(v & 7u); break;
-    case 1: h->n_segments = v; break;
-    case 2: h->n_frames = v; break;
-    case 3: h->max.coarse = v; break;
-    case 4: h->max.fine = v; break;
-    case 5: h->max.prim = v; break;
-    case 6: h->nets_nbytes = v; break;
-    case 7: h->fps_num = v; break;
-    case 8: h->header_nbytes = v; break;
-    case 9: h->model.features = (uint8_t)v; break;
-    case 10: h->model.octaves = (uint8_t)v; break;
-    case 11: h->model.bank_slots = (uint16_t)v; break;
-    case 12: h->base.coarse = v; break;
-    case 13: h->base.fine = v; break;
-    case 14: h->base.prim = v; break;
-    case 15: h->base_nbytes = v; break;
-    case 16: h->more_layers = (uint8_t)(v & 15u); break;
-    default: damage_model(&h->model, r); break;
+    case 0:
+        h->level = (uint8_t)(v & 7u);
+        break;
+    case 1:
+        h->n_segments = v;
+        break;
+    case 2:
+        h->n_frames = v;
+        break;
+    case 3:
+        h->max.coarse = v;
+        break;
+    case 4:
+        h->max.fine = v;
+        break;
+    case 5:
+        h->max.prim = v;
+        break;
+    case 6:
+        h->nets_nbytes = v;
+        break;
+    case 7:
+        h->fps_num = v;
+        break;
+    case 8:
+        h->header_nbytes = v;
+        break;
+    case 9:
+        h->model.features = (uint8_t)v;
+        break;
+    case 10:
+        h->model.octaves = (uint8_t)v;
+        break;
+    case 11:
+        h->model.bank_slots = (uint16_t)v;
+        break;
+    case 12:
+        h->base.coarse = v;
+        break;
+    case 13:
+        h->base.fine = v;
+        break;
+    case 14:
+        h->base.prim = v;
+        break;
+    case 15:
+        h->base_nbytes = v;
+        break;
+    case 16:
+        h->more_layers = (uint8_t)(v & 15u);
+        break;
+    default:
+        damage_model(&h->model, r);
+        break;
     }
 }
 
@@ -715,8 +796,8 @@ static void damage_counts(mutate_part *segment, uint64_t *r)
     const uint32_t at = 4 * pick(r, (uint32_t)segment->n / 4);
     const uint32_t was = fx_load32_le(segment->p + at);
 
-    fx_store32_le(segment->p + at, pick(r, 2) ? was + pick(r, 3) - 1
-                                              : odd_value(r));
+    fx_store32_le(segment->p + at,
+                  pick(r, 2) ? was + pick(r, 3) - 1 : odd_value(r));
 }
 
 static void damage_order(mutate_file *f, uint64_t *r)
@@ -729,13 +810,13 @@ static void damage_order(mutate_file *f, uint64_t *r)
         f->part[i] = f->part[k];
         f->part[k] = kept;
         break;
-    case 1:                      /* remove a chunk */
+    case 1: /* remove a chunk */
         memmove(f->part + i, f->part + i + 1,
                 (f->n_parts - i - 1) * sizeof kept);
         free(kept.p);
         f->n_parts--;
         break;
-    case 2:                      /* take the payload of another chunk */
+    case 2: /* take the payload of another chunk */
         f->part[i].p = copy_of(f->part[k].p, f->part[k].n);
         f->part[i].n = f->part[k].n;
         free(kept.p);
@@ -750,25 +831,39 @@ static void damage_order(mutate_file *f, uint64_t *r)
  * repaired. */
 static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 {
-    const uint32_t segment = f->segments + n_chunks(f) *
-        pick(r, (f->n_parts - f->segments) / n_chunks(f));
+    const uint32_t segment = f->segments +
+                             n_chunks(f) * pick(r, (f->n_parts - f->segments) /
+                                                       n_chunks(f));
     const uint32_t layer = segment + 3 * pick(r, f->n_layers);
 
     switch (c) {
     case MUTATE_IN_HEADER:
         damage_header(f, r);
-        return fx_load32_le(f->header + SAGA_MAGIC_NBYTES) ==
-               f->header_nbytes;
-    case MUTATE_IN_INDEX: damage_some(&f->part[0], r); return 0;
-    case MUTATE_IN_NETWORKS: damage_some(&f->part[1], r); return 1;
+        return fx_load32_le(f->header + SAGA_MAGIC_NBYTES) == f->header_nbytes;
+    case MUTATE_IN_INDEX:
+        damage_some(&f->part[0], r);
+        return 0;
+    case MUTATE_IN_NETWORKS:
+        damage_some(&f->part[1], r);
+        return 1;
     case MUTATE_IN_BASE:
         damage_some(&f->part[f->segments == 2 ? 1 : 2 + pick(r, 3)], r);
         return 0;
-    case MUTATE_IN_COUNTS: damage_counts(&f->part[segment], r); return 0;
-    case MUTATE_IN_COARSE: damage_some(&f->part[layer + 1], r); return 1;
-    case MUTATE_IN_FINE: damage_some(&f->part[layer + 2], r); return 1;
-    case MUTATE_IN_PRIM: damage_some(&f->part[layer + 3], r); return 1;
-    default: damage_order(f, r); return 0;
+    case MUTATE_IN_COUNTS:
+        damage_counts(&f->part[segment], r);
+        return 0;
+    case MUTATE_IN_COARSE:
+        damage_some(&f->part[layer + 1], r);
+        return 1;
+    case MUTATE_IN_FINE:
+        damage_some(&f->part[layer + 2], r);
+        return 1;
+    case MUTATE_IN_PRIM:
+        damage_some(&f->part[layer + 3], r);
+        return 1;
+    default:
+        damage_order(f, r);
+        return 0;
     }
 }
 
@@ -776,8 +871,8 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
  */
 static void fit_networks(mutate_file *f)
 {
-    FREED uint8_t *const padded =
-        mutate_must(calloc(f->part[1].n + PAD + 1, 1));
+    FREED uint8_t *const padded = mutate_must(
+        calloc(f->part[1].n + PAD + 1, 1));
     saga_header h;
     saga_plan plan;
     size_t n;
@@ -852,18 +947,15 @@ void mutate_extreme_nets(gen_stream *g, uint64_t *r)
         for (uint32_t row = 0; row < s.dim[s.n_layers]; row++) {
             l->shift[row] = (uint8_t)gen_range(r, 0, 24);
             l->bias[row] = pick(r, 3) == 0 ? 0
-                         : pick(r, 2) ? SAGA_MAX_RESIDUAL
-                                      : -SAGA_MAX_RESIDUAL;
+                           : pick(r, 2)    ? SAGA_MAX_RESIDUAL
+                                           : -SAGA_MAX_RESIDUAL;
         }
     }
 }
 
 /* --- Playing ------------------------------------------------------------- */
 
-enum {
-    MAX_WORK = 64 << 20,
-    MAX_SIDE_X = 40, MAX_SIDE_Y = 28
-};
+enum { MAX_WORK = 64 << 20, MAX_SIDE_X = 40, MAX_SIDE_Y = 28 };
 #define MAX_MACS 200000000u
 
 #define PROMISE(result, c) \
@@ -879,19 +971,17 @@ static int is_one_of(saga_status s, const saga_status *all, size_t n)
 
 static int is_head_status(saga_status s)
 {
-    static const saga_status all[] = {
-        SAGA_OK, SAGA_ERR_DATA, SAGA_ERR_TRUNCATED, SAGA_ERR_VERSION,
-        SAGA_ERR_LEVEL
-    };
+    static const saga_status all[] = { SAGA_OK, SAGA_ERR_DATA,
+                                       SAGA_ERR_TRUNCATED, SAGA_ERR_VERSION,
+                                       SAGA_ERR_LEVEL };
 
     return is_one_of(s, all, sizeof all / sizeof *all);
 }
 
 static int is_segment_status(saga_status s)
 {
-    static const saga_status all[] = {
-        SAGA_OK, SAGA_ERR_DATA, SAGA_ERR_TRUNCATED
-    };
+    static const saga_status all[] = { SAGA_OK, SAGA_ERR_DATA,
+                                       SAGA_ERR_TRUNCATED };
 
     return is_one_of(s, all, sizeof all / sizeof *all);
 }
@@ -911,7 +1001,7 @@ typedef struct {
     mutate_result *result;
     saga_decoder *dec;
     saga_info info;
-    const uint8_t *head;         /* a copy of the head's exact size */
+    const uint8_t *head; /* a copy of the head's exact size */
     size_t n_head;
     uint64_t *r;
 } player;
@@ -1022,8 +1112,9 @@ static void draw(player *p, const saga_camera *c, uint32_t n_splats)
 
 static void look(player *p, const saga_camera *c, int is_rig)
 {
-    const int32_t t = pick(p->r, 3) ? gen_range(p->r, 0, 65535)
-                    : pick(p->r, 2) ? 65535 : 0;
+    const int32_t t = pick(p->r, 3)   ? gen_range(p->r, 0, 65535)
+                      : pick(p->r, 2) ? 65535
+                                      : 0;
     const saga_status s = saga_view(p->dec, c, t);
     saga_report report;
     saga_splat splat;
@@ -1039,11 +1130,11 @@ static void look(player *p, const saga_camera *c, int is_rig)
     PROMISE(p->result, report.n_splats <= report.n_primitives);
     for (uint32_t i = 0; i < report.n_splats; i++) {
         PROMISE(p->result, saga_splat_at(&splat, p->dec, i) == SAGA_OK);
-        PROMISE(p->result, splat.depth >= 1 && splat.x0 >= 0 &&
-                splat.y0 >= 0 && splat.x0 < splat.x1 &&
-                splat.y0 < splat.y1 && splat.x1 <= c->width &&
-                splat.y1 <= c->height && splat.q0_q20 >= 0 &&
-                splat.q0_q20 < 11 << 20 && splat.colour_q15[0] <= 32768);
+        PROMISE(p->result, splat.depth >= 1 && splat.x0 >= 0 && splat.y0 >= 0 &&
+                               splat.x0 < splat.x1 && splat.y0 < splat.y1 &&
+                               splat.x1 <= c->width && splat.y1 <= c->height &&
+                               splat.q0_q20 >= 0 && splat.q0_q20 < 11 << 20 &&
+                               splat.colour_q15[0] <= 32768);
     }
     draw(p, c, report.n_splats);
 }
@@ -1055,16 +1146,15 @@ static void look_around(player *p)
     saga_camera c;
 
     PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
-    PROMISE(p->result, report.n_layers >= 1 &&
-            report.n_layers <= p->info.n_layers &&
-            report.n_coarse >= report.n_layers &&
-            report.n_coarse <= report.n_layers * p->info.max_coarse &&
-            report.n_fine <= report.n_layers * p->info.max_fine &&
-            report.n_primitives - p->info.base_primitives <=
-                p->info.max_primitives);
+    PROMISE(p->result,
+            report.n_layers >= 1 && report.n_layers <= p->info.n_layers &&
+                report.n_coarse >= report.n_layers &&
+                report.n_coarse <= report.n_layers * p->info.max_coarse &&
+                report.n_fine <= report.n_layers * p->info.max_fine &&
+                report.n_primitives - p->info.base_primitives <=
+                    p->info.max_primitives);
     for (uint32_t i = 0; i < report.n_primitives; i++) {
-        PROMISE(p->result,
-                saga_primitive_at(&a, p->dec, i, 65535) == SAGA_OK);
+        PROMISE(p->result, saga_primitive_at(&a, p->dec, i, 65535) == SAGA_OK);
         PROMISE(p->result, a.x[0] >= -(1 << 29) && a.x[0] <= 1 << 29);
     }
     if (rig_camera(&c, p))
@@ -1098,10 +1188,8 @@ enum { SEGMENT_PARTS = 1 + 3 * SAGA_MAX_LAYERS };
 static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
                          uint32_t owner, const uint8_t *bytes, size_t n)
 {
-    static const uint32_t type[4] = {
-        SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
-        SAGA_CHUNK_PRIM
-    };
+    static const uint32_t type[4] = { SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE,
+                                      SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM };
     size_t at = 0;
 
     for (uint32_t i = 0; i < 1 + 3 * n_layers; i++) {
@@ -1132,8 +1220,7 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
 
     if (!split_segment(part, p->info.n_layers, owner_of(p), bytes, n))
         return MUTATE_AT_SEGMENT;
-    if (!head_open(&h, p->head, p->n_head, p->head + nets,
-                   p->info.nets_nbytes))
+    if (!head_open(&h, p->head, p->n_head, p->head + nets, p->info.nets_nbytes))
         return MUTATE_AT_NETWORKS;
     for (uint32_t i = 0; i < p->info.n_layers && stage == MUTATE_AT_VIEW; i++) {
         const saga_counts counts = counts_of(&part[0], i);
@@ -1168,10 +1255,9 @@ static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
     if (layer < less)
         PROMISE(p->result, s == SAGA_ERR_TRUNCATED);
     else
-        PROMISE(p->result, s == SAGA_OK &&
-                saga_tell(&cut, p->dec) == SAGA_OK &&
-                cut.n_layers == layer + 1 - less &&
-                cut.n_primitives <= whole->n_primitives);
+        PROMISE(p->result, s == SAGA_OK && saga_tell(&cut, p->dec) == SAGA_OK &&
+                               cut.n_layers == layer + 1 - less &&
+                               cut.n_primitives <= whole->n_primitives);
 }
 
 /* Returns the number of bytes from which an accepted segment was decoded. */
@@ -1201,8 +1287,8 @@ static void play_segment(player *p, const saga_segment *seg,
     if (s == SAGA_OK) {
         PROMISE(result, saga_tell(&report, p->dec) == SAGA_OK);
         result->segment[result->n_segments].offset = seg->offset;
-        result->segment[result->n_segments++].nbytes =
-            used_nbytes(p, seg, copy, n, &report);
+        result->segment[result->n_segments++].nbytes = used_nbytes(p, seg, copy,
+                                                                   n, &report);
         look_around(p);
         if (n == seg->nbytes)
             play_cut(p, seg, copy, &report);
@@ -1230,22 +1316,24 @@ static void play_segments(player *p, const uint8_t *bytes, size_t n)
             refuse(p->result, MUTATE_AT_INDEX, s);
             return;
         }
-        PROMISE(p->result, seg.number == i && seg.first_frame == frame &&
-                seg.n_frames >= 1 && seg.t == 0 &&
-                seg.first_frame + seg.n_frames <= p->info.n_frames);
+        PROMISE(p->result,
+                seg.number == i && seg.first_frame == frame &&
+                    seg.n_frames >= 1 && seg.t == 0 &&
+                    seg.first_frame + seg.n_frames <= p->info.n_frames);
         if (seg.offset > n)
             refuse(p->result, MUTATE_AT_INDEX, SAGA_ERR_TRUNCATED);
         else
-            play_segment(p, &seg, bytes, seg.nbytes < n - seg.offset
-                         ? seg.nbytes : n - (size_t)seg.offset);
+            play_segment(p, &seg, bytes,
+                         seg.nbytes < n - seg.offset ? seg.nbytes
+                                                     : n - (size_t)seg.offset);
         frame = seg.first_frame + seg.n_frames;
     }
 }
 
 static void play_file(player *p, const uint8_t *bytes, size_t n)
 {
-    FREED uint8_t *const work =
-        mutate_must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+    FREED uint8_t *const work = mutate_must(
+        aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     saga_segment seg;
     const saga_status found = saga_find(&seg, p->head, p->n_head, 0, 1);
     saga_status s;

@@ -36,8 +36,8 @@ typedef struct mutate_file {
     size_t header_nbytes;
     mutate_part part[MUTATE_PARTS];
     uint32_t n_parts;
-    uint32_t segments;       /* index of the first segment's SEGM: 2 or 5 */
-    uint32_t n_layers;       /* layers of each segment */
+    uint32_t segments; /* index of the first segment's SEGM: 2 or 5 */
+    uint32_t n_layers; /* layers of each segment */
 } mutate_file;
 
 /* Splits a valid file with at most GEN_MAX_SEGMENTS segments into its parts,
@@ -60,18 +60,18 @@ size_t mutate_sign_chunk(uint8_t *p, size_t n, uint32_t owner);
 /* --- Damage -------------------------------------------------------------- */
 
 typedef enum mutate_class {
-    MUTATE_RAW,              /* any bytes are changed; not signed */
-    MUTATE_RAW_SIGNED,       /* any bytes are changed, then CRCs computed */
-    MUTATE_IN_HEADER,        /* fields of the header, signed */
+    MUTATE_RAW,        /* any bytes are changed; not signed */
+    MUTATE_RAW_SIGNED, /* any bytes are changed, then CRCs computed */
+    MUTATE_IN_HEADER,  /* fields of the header, signed */
     MUTATE_IN_INDEX,
     MUTATE_IN_NETWORKS,
-    MUTATE_IN_BASE,          /* any chunk of the base; without base the networks
-                              */
-    MUTATE_IN_COUNTS,        /* segment header */
+    MUTATE_IN_BASE,   /* any chunk of the base; without base the networks
+                       */
+    MUTATE_IN_COUNTS, /* segment header */
     MUTATE_IN_COARSE,
     MUTATE_IN_FINE,
     MUTATE_IN_PRIM,
-    MUTATE_IN_ORDER,         /* chunks swapped, dropped, doubled, renamed */
+    MUTATE_IN_ORDER, /* chunks swapped, dropped, doubled, renamed */
     MUTATE_N_CLASSES
 } mutate_class;
 
@@ -89,17 +89,17 @@ uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
 /* The first stage that refused the stream. */
 typedef enum mutate_stage {
     MUTATE_AT_HEADER,
-    MUTATE_AT_SIZE,          /* valid, but the harness declines its size */
+    MUTATE_AT_SIZE, /* valid, but the harness declines its size */
     MUTATE_AT_INDEX,
-    MUTATE_AT_NETWORKS,      /* the networks or the base */
-    MUTATE_AT_SEGMENT,       /* the segment header, or a chunk's CRC or
-                              * length */
+    MUTATE_AT_NETWORKS, /* the networks or the base */
+    MUTATE_AT_SEGMENT,  /* the segment header, or a chunk's CRC or
+                         * length */
     MUTATE_AT_TREE,
     MUTATE_AT_COARSE,
     MUTATE_AT_FINE,
     MUTATE_AT_PRIM,
-    MUTATE_AT_VIEW,          /* reconstruction succeeds; the rig's camera is
-                              * refused */
+    MUTATE_AT_VIEW, /* reconstruction succeeds; the rig's camera is
+                     * refused */
     MUTATE_DRAWN,
     MUTATE_N_STAGES
 } mutate_stage;
@@ -107,14 +107,14 @@ typedef enum mutate_stage {
 extern const char *const mutate_stage_text[MUTATE_N_STAGES];
 
 typedef struct mutate_result {
-    mutate_stage stage;      /* the earliest of all segments */
-    saga_status status;      /* status at that stage */
-    const char *broken;      /* a broken promise of saga.h, or NULL */
-    size_t head_nbytes;      /* bytes of a head that saga_open and saga_find
-                              * accept, or 0 */
-    uint32_t crc;            /* CRC of all pictures and statuses, the same on
-                              * every machine */
-    uint32_t n_segments;     /* number of decoded segments */
+    mutate_stage stage;  /* the earliest of all segments */
+    saga_status status;  /* status at that stage */
+    const char *broken;  /* a broken promise of saga.h, or NULL */
+    size_t head_nbytes;  /* bytes of a head that saga_open and saga_find
+                          * accept, or 0 */
+    uint32_t crc;        /* CRC of all pictures and statuses, the same on
+                          * every machine */
+    uint32_t n_segments; /* number of decoded segments */
     struct {
         uint64_t offset;
         uint32_t nbytes;

@@ -63,9 +63,12 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
     m->octaves = (uint8_t)(wide ? 8 : 1);
     m->lambda_t_q8 = 1;
     for (int i = 0; i < SAGA_N_TIERS; i++)
-        m->tier[i] = (saga_tier){ .n_groups = 16, .window = 32,
-                                  .neighbours = 16, .suffix_bits = 8,
-                                  .max_children = 16, .radius2_q12 = 65535,
+        m->tier[i] = (saga_tier){ .n_groups = 16,
+                                  .window = 32,
+                                  .neighbours = 16,
+                                  .suffix_bits = 8,
+                                  .max_children = 16,
+                                  .radius2_q12 = 65535,
                                   .softmax_q8 = 1 };
     for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 16u << 16;
@@ -77,7 +80,8 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
         make_bank(m, level, kind);
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = (uint8_t)(!saga_is_described(m, i) ? 0
-                                : wide ? cap->width : 1);
+                                : wide                   ? cap->width
+                                                         : 1);
         m->q_in[i] = (uint8_t)(saga_is_described(m, i) ? 8 : 0);
         m->int8[i] = (uint8_t)(saga_is_described(m, i) && cap->int8_only);
     }
@@ -117,7 +121,7 @@ static void make_nets(gen_stream *g)
         for (int i = 0; i < s.n_layers; i++)
             make_layer(&g->nets.layer[net][i], &s, i,
                        net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM &&
-                       i + 1 == s.n_layers);
+                           i + 1 == s.n_layers);
     }
 }
 
@@ -125,8 +129,8 @@ static void make_nets(gen_stream *g)
 
 typedef struct {
     saga_symbols *s;
-    int chains;              /* 1: a leaf ends a chain of single children, as
-                              * deep as possible */
+    int chains; /* 1: a leaf ends a chain of single children, as
+                 * deep as possible */
     int max_x, max_t;
 } tree;
 
@@ -139,8 +143,8 @@ static void make_node(tree *t, int x, int tm, uint32_t want)
     uint32_t given = 0;
 
     if (want == 1) {
-        s->split[at] = (uint8_t)(!t->chains ? 0
-                                 : (x < t->max_x) | (tm < t->max_t) << 1);
+        s->split[at] =
+            (uint8_t)(!t->chains ? 0 : (x < t->max_x) | (tm < t->max_t) << 1);
         s->occupancy[at] = s->split[at] != 0;
         if (s->split[at])
             make_node(t, x + (s->split[at] & 1), tm + (s->split[at] >> 1), 1);

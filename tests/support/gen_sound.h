@@ -8,8 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { GEN_SOUND_PACKETS = 5, GEN_SOUND_NBYTES = 47 + 48 + 27 +
-                                                 4 * GEN_SOUND_PACKETS };
+enum {
+    GEN_SOUND_PACKETS = 5,
+    GEN_SOUND_NBYTES = 47 + 48 + 27 + 4 * GEN_SOUND_PACKETS
+};
 
 /* Writes the stream. It plays 96 ms, after 192 samples of pre-skip. */
 void gen_sound(uint8_t to[GEN_SOUND_NBYTES]);

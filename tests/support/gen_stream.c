@@ -80,9 +80,10 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
     while (2 * m->bank_slots <= most && !one_in(r, 3))
         m->bank_slots = (uint16_t)(2 * m->bank_slots);
     m->bank_width = (uint8_t)(8 * gen_range(
-        r, m->bank_slots < SAGA_MAX_SLOTS ? 1 : 2, o->level == 0 ? 4 : 8));
+                                      r, m->bank_slots < SAGA_MAX_SLOTS ? 1 : 2,
+                                      o->level == 0 ? 4 : 8));
     m->bank_blocks = (uint16_t)(one_in(r, 2) ? gen_range(r, 1, 8)
-                                               : gen_range(r, 1, 65535));
+                                             : gen_range(r, 1, 65535));
     if (o->bank_slots)
         m->bank_slots = (uint16_t)o->bank_slots;
     if (o->bank_width)
@@ -115,11 +116,12 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
 
     m->tools = o->tools_fixed ? o->tools
                               : (uint32_t)gen_range(r, 0, SAGA_TOOLS_PICTURE) &
-                                SAGA_TOOLS_PICTURE;
+                                    SAGA_TOOLS_PICTURE;
     for (i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = (uint8_t)(gen_range(r, 0, 7) &
-            (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT
-             : i == SAGA_KIND_PRIM ? ~SAGA_SOURCE_GROUPS : 7));
+                                  (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT
+                                   : i == SAGA_KIND_PRIM ? ~SAGA_SOURCE_GROUPS
+                                                         : 7));
     m->features = (uint8_t)gen_range(r, 5, o->level == 0 ? 24 : 64);
     if (!o->picture && one_in(r, 2))
         m->features = (uint8_t)gen_range(r, 5, 16);
@@ -136,8 +138,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     for (i = 0; i < SAGA_N_OUTS; i++)
         m->out_q[i] = (uint8_t)gen_range(r, 6, 14);
     if (!o->picture && one_in(r, 4))
-        m->out_q[gen_range(r, 0, SAGA_OUT_QUAT - 1)] =
-            (uint8_t)gen_range(r, 0, SAGA_MAX_OUT_Q);
+        m->out_q[gen_range(r, 0, SAGA_OUT_QUAT - 1)] = (uint8_t)gen_range(
+            r, 0, SAGA_MAX_OUT_Q);
     for (i = 0; i < SAGA_NET_QUERY; i++)
         make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
@@ -156,7 +158,7 @@ static void model_for_picture(saga_model *m)
     m->tier[SAGA_TIER_COARSE].suffix_bits = 4;
     m->tier[SAGA_TIER_FINE].suffix_bits = 4;
     for (int i = 0; i < SAGA_N_TIERS; i++) {
-        m->tier[i].softmax_q8 = 739;        /* log2(e) / 0.5 */
+        m->tier[i].softmax_q8 = 739; /* log2(e) / 0.5 */
         m->tier[i].radius2_q12 = 4 << 12;
         m->tier[i].neighbours = 8;
         m->tier[i].window = 16;
@@ -234,9 +236,9 @@ static target target_of(const saga_model *m, int net, uint32_t row)
 
 uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column)
 {
-    const uint32_t drop = l->scale_mode == SAGA_SCALE_ROW ? l->drop[row]
-                        : l->scale_mode == SAGA_SCALE_COLUMN ? l->drop[column]
-                        : 0;
+    const uint32_t drop = l->scale_mode == SAGA_SCALE_ROW      ? l->drop[row]
+                          : l->scale_mode == SAGA_SCALE_COLUMN ? l->drop[column]
+                                                               : 0;
 
     return l->weight_scale - SAGA_DROP * drop;
 }
@@ -294,8 +296,8 @@ static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
 {
     l->finer = array(n, 1);
     for (uint32_t row = 0; row < n; row++)
-        l->finer[row] = (uint8_t)(one_in(r, 8)
-            ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
+        l->finer[row] =
+            (uint8_t)(one_in(r, 8) ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
 }
 
 /* Sets biases and shifts of the last layer so that a picture can be seen. The
@@ -312,15 +314,15 @@ static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
         int shift;
 
         for (uint32_t k = 0; k < n_in; k++) {
-            const double w = (double)l->weight[row * n_in + k] *
-                             l->step_q16 / (1 << l->step_shift);
+            const double w = (double)l->weight[row * n_in + k] * l->step_q16 /
+                             (1 << l->step_shift);
             power += w * w;
         }
         shift = (int)lround(log2(sqrt(power) * 3000 / t.spread));
         l->shift[row] = (uint8_t)fx_clamp(shift, 0, 24);
-        l->bias[row] = fx_clamp((int32_t)(t.mean * (1 << l->shift[row]) /
-                                          (1 << l->bias_shift)),
-                                -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+        l->bias[row] = fx_clamp(
+            (int32_t)(t.mean * (1 << l->shift[row]) / (1 << l->bias_shift)),
+            -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
     }
 }
 
@@ -354,7 +356,7 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
 
 typedef struct {
     saga_symbols *s;
-    uint32_t cap_nodes, want;    /* leaves wanted */
+    uint32_t cap_nodes, want; /* leaves wanted */
     int max_x, max_t;
     int temporal;
 } tree;
@@ -363,7 +365,9 @@ typedef struct {
  * pending nodes. It counts the leaves that pending nodes must still have. */
 static void make_tree(tree *t, uint64_t *r)
 {
-    struct { uint8_t x, t; } stack[4096];
+    struct {
+        uint8_t x, t;
+    } stack[4096];
     uint32_t depth = 0, leaves = 0;
     saga_symbols *const s = t->s;
 
@@ -504,8 +508,10 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
     const uint32_t share = (o->base ? 1u : 0u) +
                            (o->n_layers ? o->n_layers : 1u);
     const saga_tier *const l = m->tier;
-    const uint32_t want = o->full ? GEN_FULL_COARSE
-        : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
+    const uint32_t want =
+        o->full ? GEN_FULL_COARSE
+                : (uint32_t)gen_range(r, 1,
+                                      o->n_coarse ? (int32_t)o->n_coarse : 12);
     tree t = { s, 0, want, 0, 0, saga_is_dynamic(m) || !o->picture };
 
     t.max_x = fx_min(o->picture ? 3 : SAGA_MAX_DEPTH_X,
@@ -528,8 +534,8 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
     s->n_prim = array(s->n.fine, 1);
     s->n.prim = children(s->n_prim, s->n.fine, l[1].max_children,
                          cap->n_prim / share, o->full, r);
-    s->prim_suffix = suffixes(s->n_prim, s->n.fine, s->n.prim,
-                              l[1].suffix_bits, r);
+    s->prim_suffix = suffixes(s->n_prim, s->n.fine, s->n.prim, l[1].suffix_bits,
+                              r);
     s->prim_offset = residuals(4 * (size_t)s->n.prim, r, o->picture);
 }
 
@@ -542,11 +548,8 @@ static void make_camera(saga_rig_camera *c, uint32_t number)
     const double angle = 0.7 * number + 0.3, tilt = 0.25;
     const double ca = cos(angle), sa = sin(angle);
     const double ct = cos(tilt), st = sin(tilt);
-    const double axes[9] = {
-        ca, 0, -sa,
-        sa * st, ct, ca * st,
-        sa * ct, -st, ca * ct
-    };
+    const double axes[9] = { ca,      0,       -sa, sa * st, ct,
+                             ca * st, sa * ct, -st, ca * ct };
 
     memset(c, 0, sizeof *c);
     c->number = number;
@@ -593,7 +596,8 @@ gen_stream gen_stream_make(const gen_options *o)
 {
     const uint32_t n_layers = o->n_layers ? o->n_layers : 1;
     uint64_t r = o->seed;
-    gen_stream g = { .named = o->named, .exposed = o->exposed,
+    gen_stream g = { .named = o->named,
+                     .exposed = o->exposed,
                      .sounds = o->sounds };
 
     fit_model(&g.header.model, &r, o);
@@ -610,8 +614,7 @@ gen_stream gen_stream_make(const gen_options *o)
     g.n_segments = o->n_segments ? o->n_segments : 1;
     for (uint32_t i = 0; i < g.n_segments; i++) {
         for (uint32_t k = 0; k < n_layers; k++)
-            make_scaffold(&g.segment[i * n_layers + k], &g.header.model, &r,
-                          o);
+            make_scaffold(&g.segment[i * n_layers + k], &g.header.model, &r, o);
         g.n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
     }
     g.has_base = o->base;
@@ -649,10 +652,10 @@ static int add_names(saga_encoder *e, const gen_stream *g, saga_error *error)
 
 saga_exposure gen_stream_exposure(uint32_t camera)
 {
-    static const saga_exposure of[GEN_MAX_CAMERAS] = {
-        { { 3877, 4096, 4353 } }, { { 65535, 65535, 65535 } },
-        { { 256, 256, 256 } }
-    };
+    static const saga_exposure of[GEN_MAX_CAMERAS] = { { { 3877, 4096, 4353 } },
+                                                       { { 65535, 65535,
+                                                           65535 } },
+                                                       { { 256, 256, 256 } } };
 
     return of[camera % GEN_MAX_CAMERAS];
 }

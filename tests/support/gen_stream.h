@@ -22,33 +22,33 @@ enum { GEN_FULL_COARSE = 128 };
 
 typedef struct gen_options {
     uint64_t seed;
-    int level;               /* 0..3; the stream is within its limits */
-    uint32_t n_coarse;       /* approximate maximum; 0: small and random */
-    int full;                /* counts reach level 0's limits exactly, with
-                              * GEN_FULL_COARSE coarse anchors */
-    uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
-    int picture;             /* networks are such that a picture can be seen */
-    uint32_t features;       /* F; 0: random */
-    uint32_t tools;          /* the stream's SAGA_TOOL_*, if tools_fixed */
+    int level;           /* 0..3; the stream is within its limits */
+    uint32_t n_coarse;   /* approximate maximum; 0: small and random */
+    int full;            /* counts reach level 0's limits exactly, with
+                          * GEN_FULL_COARSE coarse anchors */
+    uint32_t n_segments; /* 1..GEN_MAX_SEGMENTS */
+    int picture;         /* networks are such that a picture can be seen */
+    uint32_t features;   /* F; 0: random */
+    uint32_t tools;      /* the stream's SAGA_TOOL_*, if tools_fixed */
     int tools_fixed;
     /* The memory bank: 0 for none, else GEN_BANK_*. The kinds of residuals that
      * read it, and the sizes that are 0 here, are random. Its tools are added
      * to `tools`. */
     int bank;
     uint32_t bank_slots, bank_width, bank_blocks;
-    int bank_alone;        /* the bank is the only source of all kinds */
+    int bank_alone; /* the bank is the only source of all kinds */
     /* A residual hash: number of tables, 0 for none, and entries of each. */
     uint32_t hash_levels, hash_log2_entries;
-    uint32_t no_fuse;        /* bit SAGA_TIER_*: no Fuse network for the tier.
-                              * 0: both have one, or at random if there is no
-                              * picture */
-    int linear;            /* F_fine and F_geo have one layer */
-    int named;             /* names of the cameras, and a unit of length */
-    int exposed;           /* exposures of the cameras */
-    int sounds;            /* gen_sound's sound, which begins at -1/10 s */
-    int base;              /* a base in addition to the segments */
-    uint32_t n_layers;     /* layers of each segment, up to GEN_MAX_LAYERS; 0:
-                            * 1 */
+    uint32_t no_fuse;  /* bit SAGA_TIER_*: no Fuse network for the tier.
+                        * 0: both have one, or at random if there is no
+                        * picture */
+    int linear;        /* F_fine and F_geo have one layer */
+    int named;         /* names of the cameras, and a unit of length */
+    int exposed;       /* exposures of the cameras */
+    int sounds;        /* gen_sound's sound, which begins at -1/10 s */
+    int base;          /* a base in addition to the segments */
+    uint32_t n_layers; /* layers of each segment, up to GEN_MAX_LAYERS; 0:
+                        * 1 */
 } gen_options;
 
 enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };
@@ -60,8 +60,9 @@ typedef struct gen_stream {
     int has_base;
     saga_symbols base;
     uint32_t n_segments;
-    saga_symbols segment[GEN_MAX_SEGMENTS * GEN_MAX_LAYERS]; /* layer k of
-                              * segment i is i * layers + k */
+    saga_symbols segment[GEN_MAX_SEGMENTS *
+                         GEN_MAX_LAYERS]; /* layer k of
+                                           * segment i is i * layers + k */
     uint32_t n_frames[GEN_MAX_SEGMENTS];
     int named, exposed, sounds;
 } gen_stream;

@@ -41,18 +41,17 @@ void given_open_stream(given_view *v, gen_stream *g)
     memset(v, 0, sizeof *v);
     gen_stream_encode(g, &v->bytes, &v->nbytes);
     assert_ok(saga_probe(&info, v->bytes, v->nbytes));
-    v->work = must(aligned_alloc(SAGA_WORK_ALIGN,
-                                 (info.work_nbytes + 15) & ~(size_t)15));
+    v->work = must(
+        aligned_alloc(SAGA_WORK_ALIGN, (info.work_nbytes + 15) & ~(size_t)15));
     assert_ok(saga_open(&v->dec, v->work, info.work_nbytes, v->bytes, v->nbytes,
                         NULL));
     assert_ok(saga_find(&seg, v->bytes, v->nbytes, 0, 1));
-    assert_ok(saga_decode(v->dec, &seg, v->bytes + seg.offset, seg.nbytes,
-                          NULL));
+    assert_ok(
+        saga_decode(v->dec, &seg, v->bytes + seg.offset, seg.nbytes, NULL));
     assert_ok(saga_tell(&v->report, v->dec));
 }
 
-void given_open(given_view *v, const gen_given *p, uint32_t n,
-                uint32_t tools)
+void given_open(given_view *v, const gen_given *p, uint32_t n, uint32_t tools)
 {
     gen_given copy[GIVEN_MOST];
     gen_stream g;
@@ -79,10 +78,14 @@ void given_draw(given_view *v, const saga_camera *cam, int32_t t)
 {
     const size_t stride = 3u * cam->width;
     const size_t scratch = SAGA_JOB_NBYTES(64, 4096);
-    saga_job job = { .x1 = cam->width, .y1 = cam->height, .tile = 64,
-                     .list_capacity = 4096, .scratch_nbytes = scratch };
+    saga_job job = { .x1 = cam->width,
+                     .y1 = cam->height,
+                     .tile = 64,
+                     .list_capacity = 4096,
+                     .scratch_nbytes = scratch };
     saga_picture pic = { .stride_nbytes = stride,
-                         .nbytes = stride * cam->height, .bits = 8 };
+                         .nbytes = stride * cam->height,
+                         .bits = 8 };
 
     free(v->rgb);
     v->rgb = pic.rgb = must(malloc(pic.nbytes));
@@ -103,8 +106,7 @@ int given_sample(const given_view *v, int x, int y, int channel)
 /* The file has one frame, so that t is the number of 65536ths of a frame. */
 saga_verify_picture given_verify(const given_view *v, int stage)
 {
-    const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,
-                                    NULL };
+    const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL, NULL };
     FREED saga_verify *const report = must(malloc(sizeof *report));
     saga_verify_picture picture;
 

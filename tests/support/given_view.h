@@ -10,26 +10,25 @@
 #include "saga.h"
 #include "verify.h"
 
-enum { GIVEN_MOST = 64 };        /* primitives in a view, without copies */
+enum { GIVEN_MOST = 64 }; /* primitives in a view, without copies */
 
 typedef struct given_view {
-    gen_given p[GIVEN_MOST];     /* primitives in the file's order, with its
-                                  * positions */
+    gen_given p[GIVEN_MOST]; /* primitives in the file's order, with its
+                              * positions */
     uint32_t n, tools;
-    uint8_t *bytes;              /* the file */
+    uint8_t *bytes; /* the file */
     size_t nbytes;
     void *work;
     saga_decoder *dec;
-    saga_camera cam;             /* camera of the last picture */
-    int32_t t;                   /* time of the last picture */
-    saga_report report;          /* report of the last picture */
-    uint8_t *rgb;                /* its samples, rows without gaps */
+    saga_camera cam;    /* camera of the last picture */
+    int32_t t;          /* time of the last picture */
+    saga_report report; /* report of the last picture */
+    uint8_t *rgb;       /* its samples, rows without gaps */
 } given_view;
 
 /* Encodes p[0..n) into a file (gen_given_make) and decodes it. Fails the test
  * unless each decoded primitive equals the given one. */
-void given_open(given_view *v, const gen_given *p, uint32_t n,
-                uint32_t tools);
+void given_open(given_view *v, const gen_given *p, uint32_t n, uint32_t tools);
 void given_close(given_view *v);
 
 /* Encodes and decodes any stream with one segment. There are no given

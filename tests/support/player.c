@@ -48,8 +48,8 @@ void player_decode(player *p, uint32_t number)
 {
     const saga_segment seg = player_find(p, number);
 
-    assert_ok(saga_decode(p->dec, &seg, p->bytes + seg.offset, seg.nbytes,
-                          NULL));
+    assert_ok(
+        saga_decode(p->dec, &seg, p->bytes + seg.offset, seg.nbytes, NULL));
     assert_ok(saga_tell(&p->report, p->dec));
 }
 

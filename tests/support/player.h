@@ -14,10 +14,10 @@ typedef struct player {
     size_t n;
     saga_info info;
     saga_decoder *dec;
-    saga_segment seg;            /* the last segment that was found */
-    saga_report report;          /* report of the last segment or view */
-    saga_camera camera;          /* camera of the last view; at first camera 0
-                                  * of the rig */
+    saga_segment seg;   /* the last segment that was found */
+    saga_report report; /* report of the last segment or view */
+    saga_camera camera; /* camera of the last view; at first camera 0
+                         * of the rig */
 } player;
 
 /* Encodes a stream and opens the file. */

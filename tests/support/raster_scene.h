@@ -102,8 +102,8 @@ static inline size_t pixel_of(int bits)
  * around everything. */
 typedef struct {
     uint8_t *block;
-    size_t nbytes;          /* bytes of the block */
-    saga_picture pic;       /* the whole picture */
+    size_t nbytes;    /* bytes of the block */
+    saga_picture pic; /* the whole picture */
     int width, height;
 } picture;
 
@@ -176,7 +176,7 @@ enum { N_BITS = sizeof all_bits / sizeof *all_bits };
 typedef struct {
     int32_t tile;
     uint32_t capacity;
-    size_t more;            /* bytes of scratch beyond the minimum */
+    size_t more; /* bytes of scratch beyond the minimum */
     uint32_t budget;
 } setting;
 

@@ -13,8 +13,8 @@
 #include "testing.h"
 
 typedef struct {
-    saga_scene s, d;             /* the scene, and the gradients of all its
-                                  * values */
+    saga_scene s, d; /* the scene, and the gradients of all its
+                      * values */
     saga_twin w;
     saga_rate r;
     saga_rate_options o;
@@ -32,10 +32,13 @@ static inline void rate_scene_model(saga_model *m)
                                  SAGA_SOURCE_GROUPS;
     m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
     for (int i = 0; i < SAGA_N_TIERS; i++)
-        m->tier[i] = (saga_tier){
-            .n_groups = 3, .window = 12, .neighbours = 4, .suffix_bits = 3,
-            .max_children = 8, .radius2_q12 = 65535, .softmax_q8 = 739
-        };
+        m->tier[i] = (saga_tier){ .n_groups = 3,
+                                  .window = 12,
+                                  .neighbours = 4,
+                                  .suffix_bits = 3,
+                                  .max_children = 8,
+                                  .radius2_q12 = 65535,
+                                  .softmax_q8 = 739 };
     m->step_q16[SAGA_STEP_CENTRE] = 900u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] = 300u << 16;
@@ -69,15 +72,15 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 
         c->depth_x = (uint8_t)depth;
         for (uint32_t b = 0; b < 3 * depth; b++)
-            c->cell[2 - b % 3] = (uint16_t)(c->cell[2 - b % 3] |
-                                            (i >> b & 1u) << b / 3);
+            c->cell[2 - b % 3] = (uint16_t)(c->cell[2 - b % 3] | (i >> b & 1u)
+                                                                     << b / 3);
         c->group = (uint8_t)(i % 3);
         c->n_fine = 3;
         c->first_fine = 3 * i;
         saga_scene_cell(s->coarse_x + 4 * (size_t)i, c);
         for (size_t a = 0; a < 4; a++)
-            s->coarse_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
-                R(0.2 * (saga_rng_double(r, k++) - 0.5));
+            s->coarse_x[4 * (size_t)i + a] +=
+                saga_scene_half_x(c) * R(0.2 * (saga_rng_double(r, k++) - 0.5));
     }
 }
 
@@ -96,14 +99,15 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
         f->n_prim = (uint8_t)(2 + i % 2);
         saga_scene_cell(s->fine_x + 4 * (size_t)i, c);
         for (size_t a = 0; a < 4; a++)
-            s->fine_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
-                R(1.4 * (saga_rng_double(r, k++) - 0.5));
+            s->fine_x[4 * (size_t)i + a] +=
+                saga_scene_half_x(c) * R(1.4 * (saga_rng_double(r, k++) - 0.5));
         for (uint32_t p = 0; p < f->n_prim; p++, at++) {
             s->prim_fine[at] = i;
             for (size_t a = 0; a < 4; a++)
                 s->prim_x[4 * (size_t)at + a] =
-                    s->fine_x[4 * (size_t)i + a] + saga_scene_half_x(c) *
-                    R(0.8 * (saga_rng_double(r, k++) - 0.5));
+                    s->fine_x[4 * (size_t)i + a] +
+                    saga_scene_half_x(c) *
+                        R(0.8 * (saga_rng_double(r, k++) - 0.5));
         }
     }
 }

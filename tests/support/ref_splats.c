@@ -16,14 +16,13 @@ typedef struct {
 static void rotation(double r[3][3], const double *quat)
 {
     const double w = quat[0], x = quat[1], y = quat[2], z = quat[3];
-    const double m[3][3] = {
-        { w * w + x * x - y * y - z * z, 2 * (x * y - w * z),
-          2 * (x * z + w * y) },
-        { 2 * (x * y + w * z), w * w - x * x + y * y - z * z,
-          2 * (y * z - w * x) },
-        { 2 * (x * z - w * y), 2 * (y * z + w * x),
-          w * w - x * x - y * y + z * z }
-    };
+    const double m[3][3] = { { w * w + x * x - y * y - z * z,
+                               2 * (x * y - w * z), 2 * (x * z + w * y) },
+                             { 2 * (x * y + w * z),
+                               w * w - x * x + y * y - z * z,
+                               2 * (y * z - w * x) },
+                             { 2 * (x * z - w * y), 2 * (y * z + w * x),
+                               w * w - x * x - y * y + z * z } };
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -42,8 +41,8 @@ static void conjugate(double c[3][3], double a[3][3], double b[3][3])
         }
 }
 
-static void covariance(double cov[3], const ref_animated *a,
-                       const double *view, const ref_camera *cam)
+static void covariance(double cov[3], const ref_animated *a, const double *view,
+                       const ref_camera *cam)
 {
     double r[3][3], w[3][3], j[3][3] = { { 0 } }, s[3][3] = { { 0 } };
     double t[3][3], b[3][3];
@@ -114,9 +113,8 @@ static int by_depth(const void *a, const void *b)
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
-static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
-                       size_t n, double x, double y, const ref_camera *cam,
-                       double margin)
+static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s, size_t n,
+                       double x, double y, const ref_camera *cam, double margin)
 {
     double t = 1;
 

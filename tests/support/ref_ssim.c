@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-static double pixel(const double *x, const double *y, int px, int py,
-                    int width, int height)
+static double pixel(const double *x, const double *y, int px, int py, int width,
+                    int height)
 {
     double mean[5] = { 0 }, norm = 0, sx, sy, sxy;
 
@@ -30,8 +30,7 @@ static double pixel(const double *x, const double *y, int px, int py,
     sy = mean[3] - mean[1] * mean[1];
     sxy = mean[4] - mean[0] * mean[1];
     return (2 * mean[0] * mean[1] + 1e-4) * (2 * sxy + 9e-4) /
-           ((mean[0] * mean[0] + mean[1] * mean[1] + 1e-4) *
-            (sx + sy + 9e-4));
+           ((mean[0] * mean[0] + mean[1] * mean[1] + 1e-4) * (sx + sy + 9e-4));
 }
 
 double ref_ssim(const double *x, const double *y, int width, int height)

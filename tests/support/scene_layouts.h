@@ -119,8 +119,10 @@ static inline void write_videos(folder *f, const char *how)
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
     /* One process writes all, since its start takes longer than its work. */
     for (int v = 0; v < N_VIEWS; v++) {
-        put_text(&inputs, "-framerate 24 -pattern_type glob -i "
-                 "'p/cam%02d/*.png' ", v);
+        put_text(&inputs,
+                 "-framerate 24 -pattern_type glob -i "
+                 "'p/cam%02d/*.png' ",
+                 v);
         put_text(&outputs, "-map %d %s cam%02d.mp4 ", v, how, v);
     }
     folder_run(f, "ffmpeg -nostdin -v error -y %.*s %.*s && rm -r p",
@@ -140,7 +142,7 @@ static inline void write_model(folder *f, const char *root, name_fn *name,
 
     folder_run(f, "mkdir -p %s", root);
     for (int v = 0; v < N_VIEWS; v++) {
-        const saga_shot *const s = &scene.views[v];
+        const saga_source_view *const s = &scene.views[v];
         double q[4];
 
         put_text(&cameras, "%d PINHOLE %d %d %.17g %.17g %.17g %.17g\n", v + 1,
@@ -148,8 +150,10 @@ static inline void write_model(folder *f, const char *root, name_fn *name,
         quaternion_of(s->rotation, q);
         for (int k = 0; k < n_frames; k++) {
             name(part, v, k);
-            put_text(&images, "%d %.17g %.17g %.17g %.17g %.17g %.17g %.17g "
-                     "%d %s\n\n", v + N_VIEWS * k + 1, q[0], q[1], q[2], q[3],
+            put_text(&images,
+                     "%d %.17g %.17g %.17g %.17g %.17g %.17g %.17g "
+                     "%d %s\n\n",
+                     v + N_VIEWS * k + 1, q[0], q[1], q[2], q[3],
                      s->translation[0], s->translation[1], s->translation[2],
                      v + 1, part);
         }
@@ -178,7 +182,7 @@ static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
     put_le(&images, N_VIEWS, 8);
     put_le(&points, 0, 8);
     for (int v = 0; v < N_VIEWS; v++) {
-        const saga_shot *const s = &scene.views[v];
+        const saga_source_view *const s = &scene.views[v];
         const double lens[] = { s->fx, s->fy, s->cx, s->cy };
         double q[4];
 
@@ -210,7 +214,7 @@ static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
 /* Appends the pose of a view in the convention of transforms.json. */
 static inline void put_pose(bytes *b, int view)
 {
-    const saga_shot *const s = &scene.views[view];
+    const saga_source_view *const s = &scene.views[view];
     const double *const r = s->rotation, *const t = s->translation;
 
     put_text(b, "\"transform_matrix\": [");
@@ -306,7 +310,8 @@ static inline double psnr(const uint8_t *a, const uint8_t *b)
 }
 
 /* Compares two cameras; returns the largest difference of their numbers. */
-static inline double check_camera(const saga_shot *a, const saga_shot *b)
+static inline double check_camera(const saga_source_view *a,
+                                  const saga_source_view *b)
 {
     double most = fmax(fmax(fabs(a->fx - b->fx), fabs(a->fy - b->fy)),
                        fmax(fabs(a->cx - b->cx), fabs(a->cy - b->cy)));

@@ -53,8 +53,8 @@ static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
         for (size_t a = 0; a < 4; a++)
             p->quat[4 * i + a] = scene_normal(r, 3 + a, 0, 1);
         for (size_t a = 0; a < 3; a++) {
-            p->log2_scale[3 * i + a] =
-                scene_normal(r, 7 + a, log2(px * 0.03), 0.8);
+            p->log2_scale[3 * i + a] = scene_normal(r, 7 + a, log2(px * 0.03),
+                                                    0.8);
             p->colour[3 * i + a] = scene_uniform(r, 10 + a, 0, 1);
             p->support[3 * i + a] = scene_uniform(r, 13 + a, 0.1, 0.3);
         }
@@ -69,8 +69,7 @@ static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
 }
 
 /* Returns a camera 3 units before the origin, turned by a small angle. */
-static inline saga_splat_camera scene_camera(int width, int height,
-                                             double turn)
+static inline saga_splat_camera scene_camera(int width, int height, double turn)
 {
     const real c = (real)(float)cos(turn), s = (real)(float)sin(turn);
     const saga_splat_camera cam = {

@@ -41,30 +41,30 @@ int testing_run(void);
 
 /* Declares a test with a function that makes its *state and one that frees it.
  */
-#define TEST_WITH(name, enter, leave) \
-    static void name(void **state); \
-    TESTING_BEFORE_MAIN(add_##name) \
-    { \
+#define TEST_WITH(name, enter, leave)           \
+    static void name(void **state);             \
+    TESTING_BEFORE_MAIN(add_##name)             \
+    {                                           \
         testing_add(#name, name, enter, leave); \
-    } \
+    }                                           \
     static void name(void **state __attribute__((unused)))
 
 /* Declares a test like TEST_WITH, whose body gets its *state as `type *f`. */
 #define TEST_OF_WITH(type, name, enter, leave) \
-    static void name##_of(type *f); \
-    TEST_WITH(name, enter, leave) \
-    { \
-        name##_of(*state); \
-    } \
+    static void name##_of(type *f);            \
+    TEST_WITH(name, enter, leave)              \
+    {                                          \
+        name##_of(*state);                     \
+    }                                          \
     static void name##_of(type *f __attribute__((unused)))
 #define TEST_OF(type, name) TEST_OF_WITH(type, name, NULL, NULL)
 
 /* Declares a fixture for all tests of the program. */
-#define TEST_GROUP(enter, leave) \
-    TESTING_BEFORE_MAIN(add_group) \
-    { \
+#define TEST_GROUP(enter, leave)     \
+    TESTING_BEFORE_MAIN(add_group)   \
+    {                                \
         testing_group(enter, leave); \
-    } \
+    }                                \
     struct testing_needs_a_semicolon
 
 /* Returns the number in SAGA_TEST_SEED, or `otherwise` if it is not set. */
@@ -81,10 +81,10 @@ bool testing_sanitized(void);
 #define assert_ok(call) assert_int_equal(call, SAGA_OK)
 /* Checks that a call with the argument `&error` succeeds; prints its message if
  * not. */
-#define assert_done(call) \
-    do { \
-        saga_error error = { "" }; \
-        if (!(call)) \
+#define assert_done(call)                             \
+    do {                                              \
+        saga_error error = { "" };                    \
+        if (!(call))                                  \
             fail_msg("%s: %s", #call, error.message); \
     } while (0)
 

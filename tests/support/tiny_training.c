@@ -44,8 +44,7 @@ saga_capture tiny_capture(const saga_synth_options *s)
     return c;
 }
 
-saga_train_options tiny_options(uint32_t n_primitives, int n_warm,
-                                int n_render)
+saga_train_options tiny_options(uint32_t n_primitives, int n_warm, int n_render)
 {
     saga_train_options o = saga_train_defaults();
 

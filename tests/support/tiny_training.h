@@ -23,18 +23,18 @@ void tiny_open(tiny *t, int n_frames);
 void tiny_close(tiny *t);
 
 /* Declares a capture that all tests of the program share. */
-#define TINY_GROUP(name, n_frames) \
-    static tiny name; \
-    static int open_##name(void **state __attribute__((unused))) \
-    { \
-        tiny_open(&name, n_frames); \
-        return 0; \
-    } \
+#define TINY_GROUP(name, n_frames)                                \
+    static tiny name;                                             \
+    static int open_##name(void **state __attribute__((unused)))  \
+    {                                                             \
+        tiny_open(&name, n_frames);                               \
+        return 0;                                                 \
+    }                                                             \
     static int close_##name(void **state __attribute__((unused))) \
-    { \
-        tiny_close(&name); \
-        return 0; \
-    } \
+    {                                                             \
+        tiny_close(&name);                                        \
+        return 0;                                                 \
+    }                                                             \
     TEST_GROUP(open_##name, close_##name)
 
 /* Returns the capture that `s` makes, and removes its files. */
@@ -51,7 +51,7 @@ saga_train_options tiny_defaults(void);
 saga_train_options tiny_layered(void);
 
 typedef struct trained {
-    uint8_t *bytes;              /* the caller frees them */
+    uint8_t *bytes; /* the caller frees them */
     size_t n;
     saga_train_report report;
 } trained;

@@ -55,8 +55,7 @@ static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
 }
 
 /* Adds the finer formats of n rows to the CRC. */
-static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
-                          uint32_t n)
+static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
         crc = crc_u32(crc, l->finer ? l->finer[i] : 0);
@@ -64,7 +63,7 @@ static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
 }
 
 static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
-                            uint32_t features)
+                             uint32_t features)
 {
     crc = crc_u32(crc, s->n.coarse);
     crc = crc_u32(crc, s->n.fine);
@@ -83,10 +82,9 @@ static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
     return crc_i32s(crc, s->prim_offset, 4 * (size_t)s->n.prim);
 }
 
-uint32_t saga_symbols_crc(const saga_net_symbols *nets,
-                          const saga_nets *shapes, const saga_symbols *base,
-                          const saga_symbols *s, uint32_t n_layers,
-                          uint32_t features)
+uint32_t saga_symbols_crc(const saga_net_symbols *nets, const saga_nets *shapes,
+                          const saga_symbols *base, const saga_symbols *s,
+                          uint32_t n_layers, uint32_t features)
 {
     uint32_t crc = 0;
 

@@ -28,11 +28,11 @@ typedef struct saga_stages_at {
 } saga_stages_at;
 
 typedef struct saga_stages {
-    uint32_t symbols;            /* CRC: of networks, base and segment */
+    uint32_t symbols; /* CRC: of networks, base and segment */
     uint32_t final_range[3];
-    uint32_t primitives;         /* CRC: all primitives at the time */
-    uint32_t splats;             /* CRC: splats in the order of drawing */
-    uint32_t frame;              /* CRC: 8-bit picture */
+    uint32_t primitives; /* CRC: all primitives at the time */
+    uint32_t splats;     /* CRC: splats in the order of drawing */
+    uint32_t frame;      /* CRC: 8-bit picture */
 } saga_stages;
 
 /* The kinds of pictures of vectors/PICTURES, with their `bits` (saga_picture),
@@ -44,16 +44,14 @@ typedef struct saga_picture_kind {
 
 enum { SAGA_N_PICTURE_KINDS = 2, SAGA_BOXES = -1 };
 
-extern const saga_picture_kind
-    saga_picture_kinds[SAGA_N_PICTURE_KINDS + 1];
+extern const saga_picture_kind saga_picture_kinds[SAGA_N_PICTURE_KINDS + 1];
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
  * the order of symbols.h: the networks' layers in the order of the stream, the
  * base (NULL: none), the segment's layers s[0..n_layers). */
-uint32_t saga_symbols_crc(const saga_net_symbols *nets,
-                          const saga_nets *shapes, const saga_symbols *base,
-                          const saga_symbols *s, uint32_t n_layers,
-                          uint32_t features);
+uint32_t saga_symbols_crc(const saga_net_symbols *nets, const saga_nets *shapes,
+                          const saga_symbols *base, const saga_symbols *s,
+                          uint32_t n_layers, uint32_t features);
 
 /* Draws the view of a camera into a picture of all its pixels. */
 saga_status saga_draw_whole(const saga_decoder *dec, const saga_camera *c,

@@ -18,7 +18,10 @@ static inline void write_video(folder *f, const char *name, int n, int fps,
                                const char *options)
 {
     enum { MOST = 16 };
-    static struct { char key[160]; saga_bytes file; } kept[MOST];
+    static struct {
+        char key[160];
+        saga_bytes file;
+    } kept[MOST];
     char key[sizeof kept[0].key];
     bytes b = { 0 };
     int i = 0;
@@ -36,9 +39,10 @@ static inline void write_video(folder *f, const char *name, int n, int fps,
         for (int p = 0; p < 3 * W * H; p++)
             put_le(&b, (uint64_t)(p < W * H ? 16 + 10 * k : 128), 1);
     write_bytes(f, "raw", &b);
-    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
-               "%dx%d -r %d -i raw -c:v libx264 -qp 0 %s -y %s && rm raw", W,
-               H, fps, options, name);
+    folder_run(f,
+               "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
+               "%dx%d -r %d -i raw -c:v libx264 -qp 0 %s -y %s && rm raw",
+               W, H, fps, options, name);
     saga_bytes_free(&kept[i].file);
     assert_done(saga_read_file(&kept[i].file, folder_file(f, name), &error));
     memcpy(kept[i].key, key, sizeof key);
@@ -58,9 +62,10 @@ static inline void write_json(folder *f, const char *top,
 
     put_text(&b, "{\"fl_x\": 30, %s\"frames\": [", top);
     for (int i = 0; i < n; i++)
-        put_text(&b, "%s{\"file_path\": \"%s\", \"transform_matrix\": "
-                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}", i ? ", " : "", names[i],
-                 i);
+        put_text(&b,
+                 "%s{\"file_path\": \"%s\", \"transform_matrix\": "
+                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}",
+                 i ? ", " : "", names[i], i);
     put_text(&b, "]}");
     write_bytes(f, "transforms.json", &b);
 }

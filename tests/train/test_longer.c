@@ -44,8 +44,9 @@ static double gain(const saga_capture *c, const training *a, int render)
     t = tiny_train(c, &o);
     more = t.report.coded.training - t.report.warm.training;
     printf("  %d views, %d frames, %5d iterations: %.2f dB after %.2f, %zu "
-           "bytes\n", a->cameras - 1, a->frames, render,
-           t.report.coded.training, t.report.warm.training, t.n);
+           "bytes\n",
+           a->cameras - 1, a->frames, render, t.report.coded.training,
+           t.report.warm.training, t.n);
     free(t.bytes);
     return more;
 }

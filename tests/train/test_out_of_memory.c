@@ -28,7 +28,7 @@ typedef struct {
     saga_capture capture;
     saga_train_options options;
     saga_train *train;
-    const char *pictures;    /* folder for those of an evaluation */
+    const char *pictures; /* folder for those of an evaluation */
 } session;
 
 /* Stops the training after each iteration; packing cannot be stopped. */
@@ -149,8 +149,7 @@ static bool evaluate(void *user, saga_error *error)
     session *const s = user;
     const saga_eval_options o = { .pictures = s->pictures };
     saga_film film;
-    const saga_eval_maker maker = { "x.saga", 1, saga_eval_draw_film,
-                                    &film };
+    const saga_eval_maker maker = { "x.saga", 1, saga_eval_draw_film, &film };
     saga_eval eval = { .n_views = 0 };
     size_t n;
     const uint8_t *const file = saga_train_bytes(s->train, &n);

@@ -13,7 +13,7 @@ TINY_GROUP(room, 5);
 /* Returns a capture of two training views of 120 x 100 pixels with 4 frames. In
  * one view, the first `changing` of the 12,000 pixels differ between the middle
  * frame and the others. */
-static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
+static saga_capture two_views(saga_source_view v[3], uint8_t *rgb, int changing)
 {
     const size_t frame = 3 * 120 * 100;
 
@@ -38,7 +38,7 @@ TEST(plan_should_follow_pixels_and_motion)
     const saga_preset *const balanced = saga_preset_called("balanced");
     FREED uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
     saga_plan_reasons why;
-    saga_shot views[3];
+    saga_source_view views[3];
 
     assert_non_null(rgb);
     for (int changing = 0; changing <= 12000; changing += 6000) {
@@ -47,8 +47,9 @@ TEST(plan_should_follow_pixels_and_motion)
 
         saga_plan(&o, &why, &c, balanced);
         /* One of two views changes, in three of its four frames. */
-        assert_int_equal(o.n_primitives, (int)rint(saga_plan_primitives(
-            24000, changing / 12000. / 2 * 3 / 4, 1)));
+        assert_int_equal(o.n_primitives,
+                         (int)rint(saga_plan_primitives(
+                             24000, changing / 12000. / 2 * 3 / 4, 1)));
         assert_true(o.n_iterations == balanced->iterations);
         assert_non_null(strstr(why.primitives, "24000 pixels"));
         assert_non_null(strstr(why.iterations, "preset balanced"));
@@ -63,24 +64,27 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
     enum { MOST = 400 };
     const saga_preset *const fast = saga_preset_called("fast");
     uint8_t *const rgb = calloc((size_t)300 * 200, 3);
-    saga_shot *const views = calloc(MOST, sizeof *views);
+    saga_source_view *const views = calloc(MOST, sizeof *views);
     saga_plan_reasons why;
     uint32_t n_of_ten = 0;
 
     assert_true(rgb && views);
     for (int i = 0; i < MOST; i++)
-        views[i] = (saga_shot){ .width = 300, .height = 200, .rgb = rgb };
+        views[i] =
+            (saga_source_view){ .width = 300, .height = 200, .rgb = rgb };
     for (int n = 5; n <= MOST; n = n == 5 ? 10 : n == 10 ? 40 : 10 * n) {
-        const saga_capture c = { .n_views = n, .n_frames = 1, .fps = 30,
-                                 .views = views };
+        const saga_capture c = {
+            .n_views = n, .n_frames = 1, .fps = 30, .views = views
+        };
         saga_train_options o = { .n_segments = 1, .level = 2 };
         double minutes;
 
         saga_plan(&o, &why, &c, fast);
         n_of_ten = n <= 10 ? o.n_primitives : n_of_ten;
         assert_int_equal(o.n_primitives, n_of_ten);
-        assert_int_equal(o.n_primitives, (int)rint(
-            0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0, 0)));
+        assert_int_equal(
+            o.n_primitives,
+            (int)rint(0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0, 0)));
         minutes = saga_plan_minutes(o.n_primitives, o.n_iterations, 60000);
         assert_true(n == 400 ? o.n_iterations == 12000
                              : fabs(minutes - fast->still_minutes) < 0.01);
@@ -123,28 +127,31 @@ TEST(moving_cameras_should_have_no_teachers)
  * iterations need. Pictures that are small already stay as they are. */
 TEST(pictures_should_be_smaller_when_visits_are_few)
 {
-    static const struct { double w, h; int n_views, scale, iterations; }
-    given[] = {
-        { 300, 200, 40, 1, 0 }, { 640, 360, 20, 1, 0 }, { 640, 360, 50, 1, 0 },
-        { 1080, 1920, 10, 3, 0 }, { 1080, 1920, 50, 4, 0 },
-        { 1080, 1920, 50, 1, 5000 }, { 4000, 3000, 200, 10, 0 },
-        { 16000, 12000, 2, 16, 0 }, { 300, 200, 4000, 1, 0 }
-    };
+    static const struct {
+        double w, h;
+        int n_views, scale, iterations;
+    } given[] = { { 300, 200, 40, 1, 0 },     { 640, 360, 20, 1, 0 },
+                  { 640, 360, 50, 1, 0 },     { 1080, 1920, 10, 3, 0 },
+                  { 1080, 1920, 50, 4, 0 },   { 1080, 1920, 50, 1, 5000 },
+                  { 4000, 3000, 200, 10, 0 }, { 16000, 12000, 2, 16, 0 },
+                  { 300, 200, 4000, 1, 0 } };
 
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const double px = given[i].w * given[i].h;
-        saga_capture c = { .n_frames = 1, .fps = 30,
+        saga_capture c = { .n_frames = 1,
+                           .fps = 30,
                            .n_learned = given[i].n_views,
                            .learned_pixels = px * given[i].n_views,
                            .largest_pixels = px };
-        saga_train_options o = { .n_segments = 1, .level = 2,
+        saga_train_options o = { .n_segments = 1,
+                                 .level = 2,
                                  .n_iterations = given[i].iterations };
         const int n = saga_plan_scale(&o, &c, saga_preset_called("fast"));
 
         assert_int_equal(n, given[i].scale);
         assert_true(n == 1 || px / (n * n) >= 1e5);
-        assert_int_equal(saga_plan_scale(&o, &c,
-                                         saga_preset_called("balanced")), 1);
+        assert_int_equal(
+            saga_plan_scale(&o, &c, saga_preset_called("balanced")), 1);
         c.n_frames = 2;
         assert_int_equal(saga_plan_scale(&o, &c, saga_preset_called("fast")),
                          1);
@@ -156,11 +163,12 @@ TEST(pictures_should_be_smaller_when_visits_are_few)
  * with many iterations and the others with the preset fast. */
 TEST(bytes_of_a_still_should_be_forecast)
 {
-    static const struct { int n_primitives, n_iterations, nbytes; } made[] = {
-        { 7560, 1424, 54000 }, { 30240, 500, 145000 }, { 3360, 3205, 35498 },
-        { 3360, 3205, 31291 }, { 13440, 801, 109207 }, { 2688, 3720, 30005 },
-        { 5964, 1805, 60747 }, { 1500, 12000, 19492 }
-    };
+    static const struct {
+        int n_primitives, n_iterations, nbytes;
+    } made[] = { { 7560, 1424, 54000 },  { 30240, 500, 145000 },
+                 { 3360, 3205, 35498 },  { 3360, 3205, 31291 },
+                 { 13440, 801, 109207 }, { 2688, 3720, 30005 },
+                 { 5964, 1805, 60747 },  { 1500, 12000, 19492 } };
     double least, most, least_moving, most_moving;
 
     for (size_t i = 0; i < sizeof made / sizeof made[0]; i++) {
@@ -181,19 +189,20 @@ TEST(bytes_of_a_still_should_be_forecast)
 TEST(pictures_of_a_still_should_be_visited_often)
 {
     static const int n_views[] = { 1, 2, 10, 50, 99 };
-    saga_shot *const views = calloc(99, sizeof *views);
+    saga_source_view *const views = calloc(99, sizeof *views);
     saga_plan_reasons why;
 
     assert_non_null(views);
     for (int side = 100; side <= 3200; side *= 2) {
         uint8_t *const rgb = must(calloc((size_t)side * (size_t)side, 3));
         for (int v = 0; v < 99; v++)
-            views[v] = (saga_shot){ .width = side, .height = side,
-                                    .rgb = rgb };
+            views[v] =
+                (saga_source_view){ .width = side, .height = side, .rgb = rgb };
         for (size_t i = 0; i < sizeof n_views / sizeof n_views[0]; i++) {
             saga_train_options o = { .n_segments = 1, .level = 2 };
-            const saga_capture c = { .n_views = n_views[i], .n_frames = 1,
-                                     .fps = 30, .views = views };
+            const saga_capture c = {
+                .n_views = n_views[i], .n_frames = 1, .fps = 30, .views = views
+            };
 
             saga_plan(&o, &why, &c, saga_preset_called("fast"));
             assert_true(o.n_iterations >= 30 * n_views[i]);
@@ -208,9 +217,10 @@ TEST(pictures_of_a_still_should_be_visited_often)
 TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
-    saga_shot views[3] = { { .width = 200, .height = 100 } };
-    const saga_capture c = { .n_views = 3, .n_frames = 300, .fps = 30,
-                             .moves = true, .views = views };
+    saga_source_view views[3] = { { .width = 200, .height = 100 } };
+    const saga_capture c = {
+        .n_views = 3, .n_frames = 300, .fps = 30, .moves = true, .views = views
+    };
     saga_train_options o = { .n_segments = 1, .level = 2 };
     saga_plan_reasons why;
 
@@ -222,8 +232,10 @@ TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 
 TEST(plan_should_leave_what_is_given)
 {
-    saga_train_options o = { .n_primitives = 77, .n_iterations = 88,
-                             .n_bytes = 1000000, .n_segments = 1,
+    saga_train_options o = { .n_primitives = 77,
+                             .n_iterations = 88,
+                             .n_bytes = 1000000,
+                             .n_segments = 1,
                              .level = 2 };
     saga_plan_reasons why;
 
@@ -250,14 +262,17 @@ TEST(plan_should_leave_what_is_given)
  * and offset. The rest of level 2's 32 MiB is less than 200 kB. */
 TEST(plan_should_not_ask_for_more_than_a_level_has_room_for)
 {
-    static const struct { saga_train_motion motion; double each; } of[] = {
-        { SAGA_TRAIN_MOVING, 72 + 16 + 168 },
-        { SAGA_TRAIN_STILL, 72 + 16 + 136 }
-    };
+    static const struct {
+        saga_train_motion motion;
+        double each;
+    } of[] = { { SAGA_TRAIN_MOVING, 72 + 16 + 168 },
+               { SAGA_TRAIN_STILL, 72 + 16 + 136 } };
 
     for (size_t i = 0; i < sizeof of / sizeof of[0]; i++) {
-        saga_train_options o = { .n_bytes = 3000000, .n_segments = 1,
-                                 .level = 2, .motion = of[i].motion };
+        saga_train_options o = { .n_bytes = 3000000,
+                                 .n_segments = 1,
+                                 .level = 2,
+                                 .motion = of[i].motion };
         saga_plan_reasons why;
         double bytes;
 
@@ -276,7 +291,8 @@ TEST(train_should_refuse_at_once_what_a_level_has_no_room_for)
     saga_error error = { "" };
 
     assert_null(saga_train_new(&room.capture, &o, &error));
-    assert_non_null(strstr(error.message, "159000 primitives need more of a "
+    assert_non_null(strstr(error.message,
+                           "159000 primitives need more of a "
                            "decoder's memory or work than level 2 has"));
 }
 
@@ -285,19 +301,20 @@ TEST(train_should_refuse_at_once_what_a_level_has_no_room_for)
  * memory. */
 TEST(segments_should_take_ten_seconds_if_they_fit)
 {
-    static const struct { int n_frames, asked, fitting, n; bool moves; }
-    given[] = {
-        { 1, 0, 9999, 1, false }, { 300, 0, 9999, 1, false },
-        { 449, 0, 9999, 1, false }, { 450, 0, 9999, 2, false },
-        { 1000, 0, 9999, 3, false }, { 300, 0, 100, 3, false },
-        { 300, 0, 7, 10, false }, { 44, 0, 7, 1, false },
-        { 45, 0, 7, 2, false }, { 1000, 0, 7, 1, true },
-        { 100, 10, 9999, 10, true }, { 5, 2, 9999, 2, false },
-        { 3, 2, 9999, 1, false }
-    };
+    static const struct {
+        int n_frames, asked, fitting, n;
+        bool moves;
+    } given[] = { { 1, 0, 9999, 1, false },    { 300, 0, 9999, 1, false },
+                  { 449, 0, 9999, 1, false },  { 450, 0, 9999, 2, false },
+                  { 1000, 0, 9999, 3, false }, { 300, 0, 100, 3, false },
+                  { 300, 0, 7, 10, false },    { 44, 0, 7, 1, false },
+                  { 45, 0, 7, 2, false },      { 1000, 0, 7, 1, true },
+                  { 100, 10, 9999, 10, true }, { 5, 2, 9999, 2, false },
+                  { 3, 2, 9999, 1, false } };
 
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
-        const saga_capture c = { .n_frames = given[i].n_frames, .fps = 30,
+        const saga_capture c = { .n_frames = given[i].n_frames,
+                                 .fps = 30,
                                  .moves = given[i].moves,
                                  .n_fitting = given[i].fitting };
 
@@ -309,12 +326,15 @@ TEST(segments_should_take_ten_seconds_if_they_fit)
  * 24 frames if they fit in memory. */
 TEST(segments_should_have_24_frames_if_they_fit)
 {
-    static const struct { double fps; int n_frames, fitting, n; } given[] = {
-        { 0.2, 2, 9999, 1 }, { 0.2, 24, 9999, 1 }, { 0.2, 35, 9999, 1 },
-        { 0.2, 36, 9999, 2 }, { 0.2, 240, 9999, 10 }, { 0.2, 240, 12, 20 },
-        { 0.2, 240, 1, 120 }, { 1, 240, 9999, 10 }, { 2.4, 240, 9999, 10 },
-        { 3, 240, 9999, 8 }, { 0.001, 100, 9999, 4 }
-    };
+    static const struct {
+        double fps;
+        int n_frames, fitting, n;
+    } given[] = { { 0.2, 2, 9999, 1 },    { 0.2, 24, 9999, 1 },
+                  { 0.2, 35, 9999, 1 },   { 0.2, 36, 9999, 2 },
+                  { 0.2, 240, 9999, 10 }, { 0.2, 240, 12, 20 },
+                  { 0.2, 240, 1, 120 },   { 1, 240, 9999, 10 },
+                  { 2.4, 240, 9999, 10 }, { 3, 240, 9999, 8 },
+                  { 0.001, 100, 9999, 4 } };
 
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames,
@@ -330,15 +350,16 @@ TEST(segments_should_have_24_frames_if_they_fit)
 TEST(seconds_should_not_count_beyond_frames)
 {
     uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
-    saga_shot view = { .width = 100, .height = 60, .rgb = rgb };
+    saga_source_view view = { .width = 100, .height = 60, .rgb = rgb };
     uint32_t n[2];
 
     assert_non_null(rgb);
     for (size_t k = 0; k < 24; k += 2)
         memset(rgb + k * 18000, 99, 9000);
     for (int i = 0; i < 2; i++) {
-        const saga_capture c = { .n_views = 1, .n_frames = 24, .views = &view,
-                                 .fps = i ? 0.2 : 2.4 };
+        const saga_capture c = {
+            .n_views = 1, .n_frames = 24, .views = &view, .fps = i ? 0.2 : 2.4
+        };
         saga_train_options o = { .n_segments = 1, .level = 2 };
         saga_plan_reasons why;
 
@@ -366,9 +387,10 @@ TEST(longer_segments_should_have_more_that_changes)
 TEST(presets_should_be_in_order)
 {
     uint8_t *const rgb = calloc((size_t)3 * 1200, 1);
-    saga_shot view = { .width = 1, .height = 1, .rgb = rgb };
-    const saga_capture c = { .n_views = 1, .n_frames = 1200, .fps = 30,
-                             .views = &view };
+    saga_source_view view = { .width = 1, .height = 1, .rgb = rgb };
+    const saga_capture c = {
+        .n_views = 1, .n_frames = 1200, .fps = 30, .views = &view
+    };
     saga_train_options last = { .n_segments = 1, .level = 2 };
     saga_plan_reasons why;
 

@@ -14,11 +14,12 @@ static bool here[FRAMES], nowhere[FRAMES] = { true, true };
 
 /* Two views of two frames, the second one held out, with and without
  * pictures. */
-static saga_shot with[2] = { { .missing = here },
-                             { .missing = here, .held_out = true } };
-static saga_shot without[2] = { { .missing = here },
-                                { .missing = nowhere, .n_missing = FRAMES,
-                                  .held_out = true } };
+static saga_source_view with[2] = { { .missing = here },
+                                    { .missing = here, .held_out = true } };
+static saga_source_view without[2] = {
+    { .missing = here },
+    { .missing = nowhere, .n_missing = FRAMES, .held_out = true }
+};
 
 static bool psnr_of(void *user, double *psnr, saga_sample picture,
                     saga_error *error)
@@ -28,9 +29,10 @@ static bool psnr_of(void *user, double *psnr, saga_sample picture,
     return true;
 }
 
-static void add(saga_quality *q, saga_shot *views, double psnr)
+static void add(saga_quality *q, saga_source_view *views, double psnr)
 {
-    const saga_capture capture = { .n_views = 2, .n_frames = FRAMES,
+    const saga_capture capture = { .n_views = 2,
+                                   .n_frames = FRAMES,
                                    .views = views };
 
     assert_done(saga_quality_add(q, &capture, psnr_of, &psnr, &error));

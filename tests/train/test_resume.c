@@ -58,26 +58,29 @@ TEST(train_should_depend_on_the_seed_alone)
 /* --- Threads ------------------------------------------------------------- */
 
 /* Counts how often threads meet in an iteration of the rendering stage: bin n
- * counts the iterations with n meetings, the last bin those with more. */
-enum { MEETINGS = 64 };
-typedef struct { size_t before; int bin[MEETINGS + 1], n; } meetings;
+ * counts the iterations with n regions, the last bin those with more. */
+enum { REGIONS = 64 };
+typedef struct {
+    size_t before;
+    int bin[REGIONS + 1], n;
+} regions;
 
-static bool count_meetings(void *user, const saga_train_progress *p)
+static bool count_regions(void *user, const saga_train_progress *p)
 {
-    meetings *const m = user;
-    const size_t now = saga_n_meetings(), n = now - m->before;
+    regions *const m = user;
+    const size_t now = saga_n_regions(), n = now - m->before;
 
     if (p->stage == SAGA_TRAIN_RENDER && p->iteration > 1) {
-        m->bin[n < MEETINGS ? n : MEETINGS]++;
+        m->bin[n < REGIONS ? n : REGIONS]++;
         m->n++;
     }
     m->before = now;
     return true;
 }
 
-/* Returns the median number of meetings. Some iterations also refresh, or
+/* Returns the median number of regions. Some iterations also refresh, or
  * measure the file. */
-static int usual_meetings(const meetings *m)
+static int usual_regions(const regions *m)
 {
     int n = 0, sum = m->bin[0];
 
@@ -91,7 +94,7 @@ static int usual_meetings(const meetings *m)
 TEST(train_should_not_depend_on_threads_that_seldom_meet)
 {
     saga_train_options o = tiny_defaults();
-    meetings m = { 0 };
+    regions m = { 0 };
     trained other;
 #ifdef _OPENMP
     const int before = omp_get_max_threads();
@@ -99,7 +102,7 @@ TEST(train_should_not_depend_on_threads_that_seldom_meet)
     omp_set_num_threads(before == 1 ? 3 : 1);
 #endif
     saga_set_least_work(0);
-    o.progress = count_meetings;
+    o.progress = count_regions;
     o.progress_user = &m;
     other = tiny_train(&room.capture, &o);
     saga_set_least_work(SAGA_LEAST_WORK);
@@ -108,7 +111,7 @@ TEST(train_should_not_depend_on_threads_that_seldom_meet)
 #endif
     assert_true(tiny_same(&plain, &other));
     assert_true(m.n > 10);
-    assert_true(usual_meetings(&m) <= 39);
+    assert_true(usual_regions(&m) <= 39);
     free(other.bytes);
 }
 
@@ -147,12 +150,14 @@ static int interrupt(saga_train_options o, const trained *whole,
 
 TEST(train_should_resume_to_the_same_file)
 {
-    static const tiny_stop places[] = {
-        { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
-        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
-        { SAGA_TRAIN_RENDER, TINY_RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
-        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
+    static const tiny_stop places[] = { { SAGA_TRAIN_WARM, 20, 0, 0 },
+                                        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, 1, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, 44, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, TINY_RENDER, 0,
+                                          0 },
+                                        { SAGA_TRAIN_PACK, 0, 0, 0 },
+                                        { SAGA_TRAIN_N_STAGES, 0, 0, 0 } };
     static const tiny_stop often = { SAGA_TRAIN_WARM, 0, 11, 0 };
 
     assert_int_equal(interrupt(tiny_defaults(), &plain, places),
@@ -167,12 +172,14 @@ TEST(train_should_resume_to_the_same_file)
 TEST(teachers_should_resume_to_the_same_file)
 {
     static const tiny_stop places[] = {
-        { SAGA_TRAIN_WARM, 7, 0, 0 }, { SAGA_TRAIN_WARM, TINY_WARM / 2, 0, 0 },
+        { SAGA_TRAIN_WARM, 7, 0, 0 },
+        { SAGA_TRAIN_WARM, TINY_WARM / 2, 0, 0 },
         { SAGA_TRAIN_WARM, TINY_WARM / 2 + 1, 0, 0 },
         { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
         { SAGA_TRAIN_WARM, TINY_WARM + 9, 0, 0 },
         { SAGA_TRAIN_WARM, 2 * TINY_WARM, 0, 0 },
-        { SAGA_TRAIN_RENDER, 11, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_RENDER, 11, 0, 0 },
+        { SAGA_TRAIN_PACK, 0, 0, 0 },
         { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
     };
     saga_train_options o = tiny_defaults();
@@ -199,11 +206,11 @@ TEST(teachers_should_resume_to_the_same_file)
 
 TEST(layers_should_resume_to_the_same_file)
 {
-    static const tiny_stop places[] = {
-        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 }, { SAGA_TRAIN_RENDER, 1, 0, 0 },
-        { SAGA_TRAIN_RENDER, 44, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
-        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
+    static const tiny_stop places[] = { { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, 1, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, 44, 0, 0 },
+                                        { SAGA_TRAIN_PACK, 0, 0, 0 },
+                                        { SAGA_TRAIN_N_STAGES, 0, 0, 0 } };
     const saga_train_options o = tiny_layered();
     const trained whole = tiny_train(&room.capture, &o);
 
@@ -214,10 +221,10 @@ TEST(layers_should_resume_to_the_same_file)
 
 TEST(paper_should_resume_to_the_same_file)
 {
-    static const tiny_stop places[] = {
-        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
-        { SAGA_TRAIN_PACK, 0, 0, 0 }, { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
+    static const tiny_stop places[] = { { SAGA_TRAIN_RENDER, 1, 0, 0 },
+                                        { SAGA_TRAIN_RENDER, 44, 0, 0 },
+                                        { SAGA_TRAIN_PACK, 0, 0, 0 },
+                                        { SAGA_TRAIN_N_STAGES, 0, 0, 0 } };
     saga_train_options o = tiny_defaults();
     trained whole;
 
@@ -232,10 +239,10 @@ TEST(paper_should_resume_to_the_same_file)
  * is final. */
 TEST(lambda_should_bring_its_primitives)
 {
-    static const tiny_stop places[] = {
-        { SAGA_TRAIN_WARM, TINY_WARM / 4, 0, 0 },
-        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 }, { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
+    static const tiny_stop places[] = { { SAGA_TRAIN_WARM, TINY_WARM / 4, 0,
+                                          0 },
+                                        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
+                                        { SAGA_TRAIN_N_STAGES, 0, 0, 0 } };
     saga_train_options o = tiny_defaults();
     trained whole;
 
@@ -309,8 +316,8 @@ static double psnr_of(const uint8_t *bytes, size_t n)
     assert_int_equal(film.info.n_cameras, 4);
     for (uint32_t v = 0; v < 4; v++)
         for (uint32_t k = 0; k < 5 && !room.capture.views[v].held_out; k++) {
-            const uint8_t *const truth =
-                saga_capture_frame(&room.capture, (int)v, (int)k);
+            const uint8_t *const truth = saga_capture_frame(&room.capture,
+                                                            (int)v, (int)k);
             saga_camera camera;
             uint32_t number;
 
@@ -347,10 +354,10 @@ TEST(peek_should_show_the_training)
     double psnr[2];
     size_t n;
 
-    assert_null(peek_at(o, (tiny_stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n,
-                        &error));
+    assert_null(
+        peek_at(o, (tiny_stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n, &error));
     assert_non_null(strstr(error.message, "x.saga.ckpt: the training is in the "
-                           "warm-up, at iteration 20 of"));
+                                          "warm-up, at iteration 20 of"));
     for (int i = 0; i < 2; i++) {
         const tiny_stop s = { SAGA_TRAIN_RENDER, at[i], 0, 0 };
         FREED uint8_t *const bytes = peek_at(o, s, &n, &error);
@@ -397,17 +404,20 @@ static bool resumes_to(const saga_train_options *o, const trained *whole)
 
 static saga_train_options stop_in_rendering(void)
 {
-    return stop_at(tiny_defaults(),
-                   (tiny_stop){ SAGA_TRAIN_RENDER, 3, 0, 0 });
+    return stop_at(tiny_defaults(), (tiny_stop){ SAGA_TRAIN_RENDER, 3, 0, 0 });
 }
 
 TEST(train_should_refuse_a_checkpoint_of_other_options)
 {
     static const char *const says[] = {
-        "--seed 1, not 7", "--lambda 0, not 0.25", "--iterations 100, not 101",
-        "--level 2, not 1", "--layers 1, not 2",
+        "--seed 1, not 7",
+        "--lambda 0, not 0.25",
+        "--iterations 100, not 101",
+        "--level 2, not 1",
+        "--layers 1, not 2",
         "begun with --ablate 'slots=32', not 'groups=4,raw-networks'",
-        "/nowhere/x.ckpt", "--model auto, not paper"
+        "/nowhere/x.ckpt",
+        "--model auto, not paper"
     };
     enum { MANY = sizeof says / sizeof says[0] };
     const saga_train_options o = stop_in_rendering();
@@ -487,12 +497,12 @@ TEST(train_should_refuse_a_damaged_checkpoint)
     for (size_t at = 0; at < HEAD_END; at++) {
         write_damaged(&b, b.nbytes, at);
         assert_true(resume_fails(&o, at < HEAD_BEGIN
-                                 ? "is not a checkpoint of this version"
-                                 : "is damaged or cut short"));
+                                         ? "is not a checkpoint of this version"
+                                         : "is damaged or cut short"));
     }
     for (uint64_t i = 0; i < 48; i++) {
-        const size_t at = HEAD_END + saga_rng_below(r, i,
-                                          (uint32_t)(b.nbytes - HEAD_END));
+        const size_t at = HEAD_END +
+                          saga_rng_below(r, i, (uint32_t)(b.nbytes - HEAD_END));
 
         write_damaged(&b, i % 3 ? b.nbytes : at, at);
         assert_true(resume_fails(&o, "is damaged or cut short"));
@@ -550,12 +560,15 @@ TEST(train_should_refuse_impossible_numbers)
     iteration = place_of_iteration(&b, &t->scene);
     saga_train_free(t);
     {
-        const struct { size_t at; uint64_t value; } change[] = {
-            { stage, SAGA_TRAIN_N_STAGES }, { stage, UINT64_MAX },
-            { stage, SAGA_TRAIN_WARM }, { fitting, 0 },
-            { iteration, (uint64_t)o.n_render + 1 },
-            { iteration, (uint64_t)INT64_MAX + 1 }
-        };
+        const struct {
+            size_t at;
+            uint64_t value;
+        } change[] = { { stage, SAGA_TRAIN_N_STAGES },
+                       { stage, UINT64_MAX },
+                       { stage, SAGA_TRAIN_WARM },
+                       { fitting, 0 },
+                       { iteration, (uint64_t)o.n_render + 1 },
+                       { iteration, (uint64_t)INT64_MAX + 1 } };
 
         for (size_t i = 0; i < sizeof change / sizeof change[0]; i++) {
             write_changed(&b, change[i].at, change[i].value);
@@ -574,9 +587,12 @@ TEST(train_should_refuse_impossible_numbers)
 TEST(train_should_refuse_a_checkpoint_of_other_pictures)
 {
     const saga_train_options o = stop_in_rendering();
-    saga_shot *const last = &room.capture.views[room.capture.n_views - 1];
-    uint8_t *const pixel = last->rgb + saga_view_frame_nbytes(last) *
-                           (size_t)room.capture.n_frames - 1;
+    saga_source_view *const last =
+        &room.capture.views[room.capture.n_views - 1];
+    uint8_t *const pixel = last->rgb +
+                           saga_view_frame_nbytes(last) *
+                               (size_t)room.capture.n_frames -
+                           1;
     const double x = last->translation[0];
 
     *pixel ^= 1;

@@ -11,11 +11,12 @@
 
 /* --- Ablations ----------------------------------------------------------- */
 
-static void sources_should_be(const saga_ablation *e,
-                              uint8_t coarse, uint8_t fine, uint8_t prim)
+static void sources_should_be(const saga_ablation *e, uint8_t coarse,
+                              uint8_t fine, uint8_t prim)
 {
     const saga_train_options o = tiny_defaults();
-    const saga_policy policy = { .width = 64, .entropy_width = 8,
+    const saga_policy policy = { .width = 64,
+                                 .entropy_width = 8,
                                  .prim_step = 0.25 };
     const saga_model_terms terms = { &o, e, &policy };
     saga_model m;
@@ -32,7 +33,8 @@ static void sources_should_be(const saga_ablation *e,
 TEST(model_should_leave_out_forbidden_sources)
 {
     enum {
-        HYPER = SAGA_SOURCE_HYPER, PARENT = SAGA_SOURCE_PARENT,
+        HYPER = SAGA_SOURCE_HYPER,
+        PARENT = SAGA_SOURCE_PARENT,
         GROUPS = SAGA_SOURCE_GROUPS
     };
     saga_ablation e = { .no_bank = 1 };
@@ -59,10 +61,11 @@ TEST(model_should_leave_out_forbidden_sources)
 static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
                            int level)
 {
-    const saga_train_options o = {
-        .n_primitives = n, .n_coarse = n_coarse, .n_fine = n,
-        .level = level, .n_layers = 1
-    };
+    const saga_train_options o = { .n_primitives = n,
+                                   .n_coarse = n_coarse,
+                                   .n_fine = n,
+                                   .level = level,
+                                   .n_layers = 1 };
     const saga_ablation nothing = { .no_bank = 0 };
     const saga_policy policy = saga_policy_of(1e3, 1e7, n);
     const saga_model_terms terms = { &o, &nothing, &policy };
@@ -78,9 +81,7 @@ static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
  * fours. */
 TEST(networks_should_be_what_a_scene_needs)
 {
-    enum {
-        ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T
-    };
+    enum { ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T };
     saga_model m = model_of(5999, 5999, SAGA_TOOLS_PICTURE, 2);
 
     assert_int_equal(m.features, 20);

@@ -22,8 +22,8 @@ enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
 typedef struct {
     tiny room;
     bool has_base;
-    saga_capture still;          /* what the base is trained on */
-    uint8_t *bytes;              /* file of an encode that was never stopped */
+    saga_capture still; /* what the base is trained on */
+    uint8_t *bytes;     /* file of an encode that was never stopped */
     size_t n;
     saga_train_report report;
 } fixture;
@@ -41,7 +41,7 @@ static saga_train_options small(const fixture *f)
 /* A view of the capture that has only the frames of one segment. */
 typedef struct {
     saga_capture capture;
-    saga_shot view[4];
+    saga_source_view view[4];
 } slice;
 
 static const saga_capture *slice_of(slice *s, const fixture *f, int segment)
@@ -65,8 +65,8 @@ static void tint(saga_train *t)
 {
     if (t->turn > 0)
         return;
-    t->tones[3] = 0.8;
-    saga_train_tone(t);
+    t->exposures[3] = 0.8;
+    saga_train_set_exposures(t);
 }
 
 static saga_train *begin(const fixture *f, slice *s,
@@ -412,8 +412,8 @@ static double near_target(saga_train *t)
         const saga_sample p = { .view = v, .frame = 1 };
 
         saga_pictures_aim(&c, &t->pictures, p);
-        assert_done(saga_splat_forward(&c, &t->target, t->scene.n.prim,
-                                       &error));
+        assert_done(
+            saga_splat_forward(&c, &t->target, t->scene.n.prim, &error));
         memcpy(c.truth, c.image, PICTURE * sizeof *c.truth);
         saga_twin_colour(w, &t->fit->used, c.camera.centre);
         assert_done(saga_splat_forward(&c, &w->attr, t->scene.n.prim, &error));
@@ -443,14 +443,15 @@ static void fit_should_begin_near_the_warm_up(void **state)
     assert_done(saga_fit_start(t->fit, &t->target, &error));
     begun = near_target(t);
     scene = t->fit->scene;
-    for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features;
-         i++)
-        scene->coarse_feature[i] = t->fit->rate.constants.mean
-            [SAGA_KIND_COARSE][4 + i % scene->model.features];
+    for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features; i++)
+        scene->coarse_feature[i] =
+            t->fit->rate.constants
+                .mean[SAGA_KIND_COARSE][4 + i % scene->model.features];
     saga_twin_geometry(&t->fit->twin, &t->fit->used, scene->coarse_feature);
     mean = near_target(t);
     print_message("start: %.1f dB beside the warm-up's pictures, mean features "
-                  "%.1f dB\n", begun, mean);
+                  "%.1f dB\n",
+                  begun, mean);
     assert_true(begun > mean + 6);
     saga_train_free(t);
 }
@@ -507,19 +508,22 @@ static void first_should_stand(const fixture *f, int k)
 static void train_should_resume_to_the_same_file(void **state)
 {
     enum { N_PLACES = 6 };
-    static const stop all[2][N_PLACES] = { {
-        { FIRST, SAGA_TRAIN_PACK, 0 }, { 0, SAGA_TRAIN_WARM, 7 },
-        { 0, SAGA_TRAIN_RENDER, 44 }, { 2, SAGA_TRAIN_WARM, 1 },
-        { 2, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
-    }, {
-        { FIRST, SAGA_TRAIN_RENDER, 10 },
-        { SAGA_TRAIN_BASE, SAGA_TRAIN_WARM, 7 },
-        { SAGA_TRAIN_BASE, SAGA_TRAIN_RENDER, 44 }, { 0, SAGA_TRAIN_WARM, 1 },
-        { FIRST, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
-    } };
-    static const int shown[2][N_PLACES - 1] = {
-        { 1, 1, 2, 2, 3 }, { 1, 0, 0, 0, 2 }
+    static const stop all[2][N_PLACES] = {
+        { { FIRST, SAGA_TRAIN_PACK, 0 },
+          { 0, SAGA_TRAIN_WARM, 7 },
+          { 0, SAGA_TRAIN_RENDER, 44 },
+          { 2, SAGA_TRAIN_WARM, 1 },
+          { 2, SAGA_TRAIN_PACK, 0 },
+          { -1, SAGA_TRAIN_WARM, 0 } },
+        { { FIRST, SAGA_TRAIN_RENDER, 10 },
+          { SAGA_TRAIN_BASE, SAGA_TRAIN_WARM, 7 },
+          { SAGA_TRAIN_BASE, SAGA_TRAIN_RENDER, 44 },
+          { 0, SAGA_TRAIN_WARM, 1 },
+          { FIRST, SAGA_TRAIN_PACK, 0 },
+          { -1, SAGA_TRAIN_WARM, 0 } }
     };
+    static const int shown[2][N_PLACES - 1] = { { 1, 1, 2, 2, 3 },
+                                                { 1, 0, 0, 0, 2 } };
     const fixture *const f = *state;
     const stop *const places = all[f->has_base];
     saga_train_options o = small(f);
@@ -549,10 +553,9 @@ static void train_should_resume_to_the_same_file(void **state)
     assert_int_equal(i, N_PLACES - 1);
     assert_int_equal(t->nbytes, f->n);
     assert_memory_equal(t->bytes, f->bytes, f->n);
-    assert_int_equal(t->report.model.n_training,
-                     f->report.model.n_training);
-    assert_true(fabs(t->report.model.training -
-                     f->report.model.training) < 1e-9);
+    assert_int_equal(t->report.model.n_training, f->report.model.n_training);
+    assert_true(fabs(t->report.model.training - f->report.model.training) <
+                1e-9);
     saga_train_free(t);
 }
 
@@ -683,8 +686,8 @@ static void segment_should_be_trained_alone(void **state)
         t = train_alone(f, k, networks);
         /* Without a base the file also has the segment that made the networks,
          * which comes first if k is later. */
-        assert_ok(saga_find(&seg, t->bytes, t->nbytes, k > FIRST &&
-                            !f->has_base ? FRAMES : 0, 1));
+        assert_ok(saga_find(&seg, t->bytes, t->nbytes,
+                            k > FIRST && !f->has_base ? FRAMES : 0, 1));
         for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
             payload_should_equal(f, t->bytes, layers[i],
                                  find(f, (uint32_t)k * FRAMES, 1).offset,

@@ -26,8 +26,8 @@ static saga_splat_params make_primitives(void)
     saga_splat_params p;
     uint64_t k = 0;
 
-    assert_true(saga_params_alloc(&p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(
-                                  SAGA_ATTR_SUPPORT), N, &error));
+    assert_true(saga_params_alloc(
+        &p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT), N, &error));
     for (int i = 0; i < N; i++) {
         for (int a = 0; a < 3; a++)
             p.mean[3 * i + a] = any(&k, -1, 1);
@@ -44,7 +44,9 @@ static saga_splat_params make_primitives(void)
     return p;
 }
 
-typedef struct { real mean[3 * N], quat[4 * N], q0[N]; } posed;
+typedef struct {
+    real mean[3 * N], quat[4 * N], q0[N];
+} posed;
 
 static void pose(posed *out, const saga_splat_params *p, real t)
 {
@@ -96,8 +98,8 @@ TEST(frozen_should_be_what_the_middle_was)
     assert_null(q.motion);
     for (int i = 0; i < N; i++) {
         for (int a = 0; a < 3; a++)
-            assert_true(fabsf(before.mean[3 * i + a] -
-                              after.mean[3 * i + a]) < 1e-6f);
+            assert_true(fabsf(before.mean[3 * i + a] - after.mean[3 * i + a]) <
+                        1e-6f);
         assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
     }
 }

@@ -23,8 +23,8 @@ static saga_splat_params primitives(void)
     saga_splat_params p;
     saga_error error = { "" };
 
-    assert_true(saga_params_alloc(&p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(
-                                  SAGA_ATTR_SUPPORT), N, &error));
+    assert_true(saga_params_alloc(
+        &p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT), N, &error));
     for (size_t i = 0; i < 9 * N; i++)
         p.motion[i] = (real)saga_rng_normal(r, i);
     for (size_t i = 0; i < 4 * N; i++) {
@@ -45,17 +45,19 @@ static uint32_t order(int k)
 
 /* Returns the sum, over ages of -1 to 1, of the distance that primitive i has
  * moved away, times age^power. */
-static double moved_away(const saga_splat_params *p,
-                         const saga_splat_params *q, size_t i, int power)
+static double moved_away(const saga_splat_params *p, const saga_splat_params *q,
+                         size_t i, int power)
 {
     double sum = 0;
 
     for (int k = 0; k < N_AGES; k++) {
         const double age = 2 * (k + 0.5) / N_AGES - 1;
         const real *const a = p->motion + 9 * i, *const b = q->motion + 9 * i;
-        const double from = (double)p->mean[3 * i] +
+        const double from =
+            (double)p->mean[3 * i] +
             (((double)a[6] * age + (double)a[3]) * age + (double)a[0]) * age;
-        const double to = (double)q->mean[3 * i] +
+        const double to =
+            (double)q->mean[3 * i] +
             (((double)b[6] * age + (double)b[3]) * age + (double)b[0]) * age;
 
         sum += (from - to) * pow(age, power) / N_AGES;
@@ -110,7 +112,7 @@ TEST(without_opacity_motion_should_stay)
 
 /* --- By direction -------------------------------------------------------- */
 
-static double place_of(const saga_shot *s)
+static double place_of(const saga_source_view *s)
 {
     double centre[3];
 
@@ -130,7 +132,7 @@ static void shine(saga_capture *c)
         hi = fmax(hi, place_of(&c->views[v]));
     }
     for (int v = 0; v < c->n_views; v++) {
-        saga_shot *const s = &c->views[v];
+        saga_source_view *const s = &c->views[v];
         const double side = 2 * (place_of(s) - lo) / (hi - lo) - 1;
         const size_t n = saga_view_frame_nbytes(s) * (size_t)c->n_frames;
 
@@ -157,8 +159,8 @@ static saga_train_tool tool_of(const saga_capture *c, int tool)
     if (!t || saga_train_run(t, &error) != SAGA_DONE)
         fail_msg("%s", error.message);
     r = saga_train_report_of(t)->tool[tool];
-    assert_int_equal(r.kept, (saga_train_report_of(t)->info.tools &
-                              SAGA_TOOL_VIEW) != 0);
+    assert_int_equal(
+        r.kept, (saga_train_report_of(t)->info.tools & SAGA_TOOL_VIEW) != 0);
     print_message("worth %.0f, costs %.0f bytes\n", r.worth, r.cost);
     saga_train_free(t);
     return r;

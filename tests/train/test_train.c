@@ -75,8 +75,7 @@ TEST(train_should_make_a_file_that_decodes)
         assert_int_equal(number, v);
         assert_int_equal(camera.width, 64);
         /* Both trainings drew what the file's rig lets decoders draw. */
-        saga_pictures_camera(&drawn, &pictures,
-                             (saga_sample){ (int)v, 0, 0 });
+        saga_pictures_camera(&drawn, &pictures, (saga_sample){ (int)v, 0, 0 });
         assert_true(fabs((double)drawn.near_plane * pictures.cube.unit -
                          camera.near_plane * film.metric.unit) <=
                     film.metric.unit);
@@ -105,14 +104,19 @@ static void chunks_should_be_what_was_spent(const saga_encode_sizes *z)
     saga_cost_components(sum, z->spent);
     assert_true(agrees("networks", sum[SAGA_COMPONENT_NETWORKS],
                        8 * (double)z->networks));
-    assert_true(agrees("coarse", sum[SAGA_COMPONENT_TREE] +
-                       sum[SAGA_COMPONENT_CENTRE] +
-                       sum[SAGA_COMPONENT_FEATURE], 8 * (double)z->coarse));
-    assert_true(agrees("fine", sum[SAGA_COMPONENT_FINE_SUFFIX] +
-                       sum[SAGA_COMPONENT_FINE_OFFSET] +
-                       sum[SAGA_COMPONENT_N_PRIM], 8 * (double)z->fine));
-    assert_true(agrees("primitives", sum[SAGA_COMPONENT_PRIM_SUFFIX] +
-                       sum[SAGA_COMPONENT_PRIM_OFFSET], 8 * (double)z->prim));
+    assert_true(agrees("coarse",
+                       sum[SAGA_COMPONENT_TREE] + sum[SAGA_COMPONENT_CENTRE] +
+                           sum[SAGA_COMPONENT_FEATURE],
+                       8 * (double)z->coarse));
+    assert_true(agrees("fine",
+                       sum[SAGA_COMPONENT_FINE_SUFFIX] +
+                           sum[SAGA_COMPONENT_FINE_OFFSET] +
+                           sum[SAGA_COMPONENT_N_PRIM],
+                       8 * (double)z->fine));
+    assert_true(agrees("primitives",
+                       sum[SAGA_COMPONENT_PRIM_SUFFIX] +
+                           sum[SAGA_COMPONENT_PRIM_OFFSET],
+                       8 * (double)z->prim));
 }
 
 /* Sets features to multiples of a step. Most are 0 and one in 50 is large, as
@@ -134,8 +138,7 @@ static void make_rare(saga_train *t, double step)
 /* Keeps the networks of every kind, whatever they are worth. */
 static void keep_all(saga_train *t)
 {
-    memset(t->fit->rate.context.keep, 0xff,
-           sizeof t->fit->rate.context.keep);
+    memset(t->fit->rate.context.keep, 0xff, sizeof t->fit->rate.context.keep);
 }
 
 /* The estimated bits of the rounded residuals must agree with the bits that the
@@ -145,18 +148,16 @@ static void keep_all(saga_train *t)
  */
 TEST(train_should_estimate_what_is_written)
 {
-    static const uint32_t coded[] = {
-        SAGA_SYM_CENTRE, SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET,
-        SAGA_SYM_PRIM_OFFSET
-    };
+    static const uint32_t coded[] = { SAGA_SYM_CENTRE, SAGA_SYM_FEATURE,
+                                      SAGA_SYM_FINE_OFFSET,
+                                      SAGA_SYM_PRIM_OFFSET };
     saga_train_options o = tiny_defaults();
 
     o.n_primitives = 1000;
     o.n_coarse = 250;
     for (int variant = 0; variant < 3; variant++) {
-        saga_train *const t = variant == 0
-            ? train_until(&o, SAGA_TRAIN_PACK)
-            : tiny_resume(&room.capture, &o);
+        saga_train *const t = variant == 0 ? train_until(&o, SAGA_TRAIN_PACK)
+                                           : tiny_resume(&room.capture, &o);
         trained r;
 
         if (variant == 2)
@@ -166,15 +167,15 @@ TEST(train_should_estimate_what_is_written)
                                -16 - t->scene.model.out_q[SAGA_OUT_COARSE]));
         r = tiny_finish(t);
         for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
-            assert_true(agrees(saga_component_name(saga_component_of(
-                            coded[i])), r.report.entropy.estimate[coded[i]],
-                        r.report.sizes.bits[coded[i]]));
+            assert_true(agrees(saga_component_name(saga_component_of(coded[i])),
+                               r.report.entropy.estimate[coded[i]],
+                               r.report.sizes.bits[coded[i]]));
         /* Packing may leave weights out that the fit counts: 1.4 % here. */
         if (variant < 2)
             assert_true(fabs(r.report.weight_bits /
-                             (r.report.sizes.bits[SAGA_SYM_NET_WEIGHT] +
-                              r.report.sizes.bits[SAGA_SYM_NET_DROP]) - 1) <
-                        0.02);
+                                 (r.report.sizes.bits[SAGA_SYM_NET_WEIGHT] +
+                                  r.report.sizes.bits[SAGA_SYM_NET_DROP]) -
+                             1) < 0.02);
         chunks_should_be_what_was_spent(&r.report.sizes);
         free(r.bytes);
     }
@@ -187,10 +188,10 @@ TEST(train_should_estimate_what_is_written)
 typedef struct {
     const saga_scene *s;
     saga_rate rate;
-    double mu, sigma;            /* differences of mu in steps, of sigma in
-                                  * log2 */
-    double read;                 /* differences of the vectors read from the
-                                  * memory bank, whose length is at most 1 */
+    double mu, sigma; /* differences of mu in steps, of sigma in
+                       * log2 */
+    double read;      /* differences of the vectors read from the
+                       * memory bank, whose length is at most 1 */
     size_t n;
 } near_integers;
 
@@ -199,7 +200,8 @@ typedef struct {
 static void read_alone(const saga_scaffold *sc, int kind, uint32_t rank)
 {
     const uint32_t group = kind == SAGA_KIND_COARSE ? sc->coarse[rank].group
-                         : kind == SAGA_KIND_FINE ? sc->fine[rank].group : 0;
+                           : kind == SAGA_KIND_FINE ? sc->fine[rank].group
+                                                    : 0;
     saga_scaffold alone = *sc;
     saga_run run;
 
@@ -221,8 +223,8 @@ static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
 
     read_alone(sc, kind, (uint32_t)block);
     for (size_t i = 0; i < d; i++)
-        t->read = fmax(t->read, fabs((double)read[i] -
-                                     sc->bank.round->read[i] / 4096.0));
+        t->read = fmax(
+            t->read, fabs((double)read[i] - sc->bank.round->read[i] / 4096.0));
 }
 
 static void compare(void *user, const saga_scaffold *sc, saga_at at,
@@ -230,9 +232,9 @@ static void compare(void *user, const saga_scaffold *sc, saga_at at,
 {
     near_integers *const t = user;
     const int is_feature = at.sym == SAGA_SYM_FEATURE;
-    const int kind = at.sym == SAGA_SYM_FINE_OFFSET ? SAGA_KIND_FINE
-                   : at.sym == SAGA_SYM_PRIM_OFFSET ? SAGA_KIND_PRIM
-                   : SAGA_KIND_COARSE;
+    const int kind = at.sym == SAGA_SYM_FINE_OFFSET   ? SAGA_KIND_FINE
+                     : at.sym == SAGA_SYM_PRIM_OFFSET ? SAGA_KIND_PRIM
+                                                      : SAGA_KIND_COARSE;
     const saga_model *const m = &t->s->model;
     const size_t block = kind == SAGA_KIND_PRIM ? t->s->prim_fine[at.index]
                                                 : at.index;
@@ -246,8 +248,8 @@ static void compare(void *user, const saga_scaffold *sc, saga_at at,
             (double)t->rate.context.kind[kind].mu[first + i],
             saga_rate_value_q(m, kind, c));
         /* The index is log2 sigma rounded to a seventh. */
-        const double sigma = (double)
-            t->rate.context.kind[kind].log2_sigma[first + i] -
+        const double sigma =
+            (double)t->rate.context.kind[kind].log2_sigma[first + i] -
             (scale[i] - SAGA_SCALE_UNIT) / (double)SAGA_SCALE_PER_OCTAVE;
 
         t->mu = fmax(t->mu, fabs(have - mu[i]) / lsb);
@@ -297,9 +299,10 @@ static void should_be_near(saga_train *t, bool plain)
     near.s = &t->decoded;
     assert_int_equal(!(near.s->model.tools & SAGA_TOOL_PLAIN_WRITE), !plain);
     predict_decoded(&near, &t->decoded_twin);
-    assert_int_equal(recorder_tell(compare, &near, bytes, n), 1);
+    assert_int_equal(recorder_compare(compare, &near, bytes, n), 1);
     print_message("%zu values: mu within %.4f steps, log2 sigma %.4f, reads "
-                  "%.5f\n", near.n, near.mu, near.sigma, near.read);
+                  "%.5f\n",
+                  near.n, near.mu, near.sigma, near.read);
     assert_true(near.n > 5000);
     assert_true(near.mu < 0.05);
     assert_true(near.sigma < 0.005);
@@ -332,7 +335,8 @@ static void add_fuse(saga_train *t)
 {
     saga_scene old = t->scene;
     saga_scene *const s = &t->scene;
-    const saga_fit_options o = { .n_render = t->o.n_render, .seed = 1,
+    const saga_fit_options o = { .n_render = t->o.n_render,
+                                 .seed = 1,
                                  .price = t->policy.price };
     saga_error error = { "" };
     saga_model m = old.model;
@@ -426,9 +430,9 @@ static double worst_scale(const saga_train *t)
 
         assert_ok(saga_primitive_at(&a, film.dec, i, 0));
         for (uint32_t k = 0; k < 3; k++)
-            worst = fmax(worst, fabs(
-                (double)t->decoded_twin.attr.log2_scale[3 * i + k] + 23 -
-                a.log2_scale_q10[k] / 1024.0));
+            worst = fmax(
+                worst, fabs((double)t->decoded_twin.attr.log2_scale[3 * i + k] +
+                            23 - a.log2_scale_q10[k] / 1024.0));
     }
     return worst;
 }
@@ -587,9 +591,8 @@ TEST(layers_should_have_twice_as_many_each)
  * it. With shared anchors, the estimates must equal what was written. */
 TEST(layers_should_be_coded_as_estimated)
 {
-    static const uint32_t coded[] = {
-        SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET, SAGA_SYM_PRIM_OFFSET
-    };
+    static const uint32_t coded[] = { SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET,
+                                      SAGA_SYM_PRIM_OFFSET };
     saga_train_options o = tiny_layered();
     saga_train *t;
     trained r;
@@ -718,8 +721,8 @@ TEST(train_should_drop_temporal_tools_of_one_frame)
 
     o.motion = SAGA_TRAIN_MEASURE;
     r = tiny_train(&c, &o);
-    assert_int_equal(r.report.info.tools &
-                     ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
+    assert_int_equal(
+        r.report.info.tools & ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
     assert_false(r.report.dynamic);
     free(r.bytes);
 }
@@ -731,17 +734,17 @@ static void hold_still(saga_capture *c, int n)
     const saga_rng rng = saga_rng_stream(5, 0);
 
     for (int v = 0; v < c->n_views; v++) {
-        saga_shot *const shot = &c->views[v];
-        const size_t size = saga_view_frame_nbytes(shot);
+        saga_source_view *const view = &c->views[v];
+        const size_t size = saga_view_frame_nbytes(view);
         uint8_t *const rgb = must(malloc(size * (size_t)n));
         for (size_t i = 0; i < size * (size_t)n; i++) {
-            const double x = shot->rgb[i % size] +
-                4 * saga_rng_normal(rng, i + ((uint64_t)v << 32));
+            const double x = view->rgb[i % size] +
+                             4 * saga_rng_normal(rng, i + ((uint64_t)v << 32));
 
             rgb[i] = (uint8_t)(x < 0 ? 0 : x > 255 ? 255 : x);
         }
-        free(shot->rgb);
-        shot->rgb = rgb;
+        free(view->rgb);
+        view->rgb = rgb;
     }
     c->n_frames = n;
 }
@@ -760,8 +763,8 @@ TEST(train_should_drop_temporal_tools_when_nothing_moves)
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
     assert_true(r.report.changing > 0.01);
-    assert_int_equal(r.report.info.tools &
-                     ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
+    assert_int_equal(
+        r.report.info.tools & ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
     free(r.bytes);
 }
 
@@ -797,9 +800,10 @@ TEST(train_should_obey_level_0)
 TEST(train_should_refuse_wrong_options)
 {
     static const char *const says[] = {
-        "--level 4", "1025 is more than the 1024 of level 0", "--primitives 0",
-        "--layers 8 are more than the 7", "--lambda -1", "--time -1",
-        "--iterations", "--ablate does not know 'groups=17'",
+        "--level 4",         "1025 is more than the 1024 of level 0",
+        "--primitives 0",    "--layers 8 are more than the 7",
+        "--lambda -1",       "--time -1",
+        "--iterations",      "--ablate does not know 'groups=17'",
         "--ablate slots=48", "256 is more than the 128 of level 2"
     };
     enum { MANY = sizeof says / sizeof says[0] };
@@ -862,12 +866,12 @@ TEST(train_should_keep_raw_networks_fine)
             const saga_net *const n = &t->scene.net[net];
 
             for (int i = 0; i < n->dim[l] * n->dim[l + 1]; i++)
-                assert_true(fabs((double)(n->w[l][i] -
-                                          t->decoded.net[net].w[l][i])) <=
-                            ldexp(0.51, -SAGA_RAW_STEP) +
-                            ldexp(fmax(ldexp(0.25, -SAGA_RAW_STEP),
-                                       ldexp(sum_of_row(n, l, i), -15)),
-                                  SAGA_N_FINER - 1));
+                assert_true(
+                    fabs((double)(n->w[l][i] - t->decoded.net[net].w[l][i])) <=
+                    ldexp(0.51, -SAGA_RAW_STEP) +
+                        ldexp(fmax(ldexp(0.25, -SAGA_RAW_STEP),
+                                   ldexp(sum_of_row(n, l, i), -15)),
+                              SAGA_N_FINER - 1));
         }
     saga_train_free(t);
 }

@@ -89,8 +89,7 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
     assert_int_equal(a->iteration, b->iteration);
     assert_int_equal(a->attrs, b->attrs);
     for (int k = 0; k < SAGA_N_ATTRS; k++) {
-        const size_t n = (size_t)saga_attributes[k].width * a->n *
-                         sizeof(real);
+        const size_t n = (size_t)saga_attributes[k].width * a->n * sizeof(real);
 
         if (!a->value.of[k])
             continue;
@@ -125,13 +124,13 @@ TEST(bits_should_not_depend_on_threads)
  * too early for the search for new primitives. */
 TEST(threads_should_seldom_meet)
 {
-    enum { FEW = 20, MEETINGS = 11 };
+    enum { FEW = 20, REGIONS = 11 };
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
-    const size_t before = saga_n_meetings();
+    const size_t before = saga_n_regions();
 
     run(f, FEW);
-    assert_true(saga_n_meetings() - before <= FEW * MEETINGS);
+    assert_true(saga_n_regions() - before <= FEW * REGIONS);
     saga_flat_free(f);
 }
 
@@ -186,24 +185,25 @@ TEST(count_should_grow_within_bounds_and_end_as_asked)
     saga_flat *const f = make(*state, &o);
     uint32_t most = 0;
 
-    assert_int_equal(saga_flat_count(f), 200);  /* start: 1 */
+    assert_int_equal(saga_flat_count(f), 200); /* start: 1 */
     for (int i = 1; i <= ITERATIONS; i++) {
         run(f, i);
         most = f->n > most ? f->n : most;
     }
-    assert_true(most > 300 && most <= 400);     /* growth: 2 */
+    assert_true(most > 300 && most <= 400); /* growth: 2 */
     assert_int_equal(saga_flat_count(f), 200);
     saga_flat_free(f);
 }
 
 TEST(count_should_end_as_asked_whatever_is_asked)
 {
-    static const struct { uint32_t n; int iterations; real start, growth; }
-    t[] = {
-        { 1, 1, R(0.6), R(1.3) }, { 1, 40, R(0.6), R(1.3) },
-        { 500, 3, R(0.1), R(1.3) }, { 37, 60, 1, 1 },
-        { 300, 12, R(0.01), R(0.5) }, { 50, 60, 3, R(0.5) }
-    };
+    static const struct {
+        uint32_t n;
+        int iterations;
+        real start, growth;
+    } t[] = { { 1, 1, R(0.6), R(1.3) },     { 1, 40, R(0.6), R(1.3) },
+              { 500, 3, R(0.1), R(1.3) },   { 37, 60, 1, 1 },
+              { 300, 12, R(0.01), R(0.5) }, { 50, 60, 3, R(0.5) } };
 
     for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
         saga_flat_options o = small();
@@ -237,8 +237,8 @@ static bool is_off_median(const saga_capture *c, int view, int frame, size_t i)
         int v[3];
 
         for (int j = 0; j < 3; j++)
-            v[j] = saga_capture_frame(c, view, (frame + j * FRAMES / 3) %
-                                               FRAMES)[k];
+            v[j] = saga_capture_frame(c, view,
+                                      (frame + j * FRAMES / 3) % FRAMES)[k];
         if (abs(v[0] - middle(v[0], v[1], v[2])) > 8)
             return true;
     }
@@ -286,7 +286,7 @@ TEST(growth_should_prefer_what_moves)
     saga_flat *f;
 
     o.n_primitives = N;
-    o.n_iterations = 4000;      /* 40 rounds of growing, EACH iterations long */
+    o.n_iterations = 4000; /* 40 rounds of growing, EACH iterations long */
     o.coarse = 0;
     f = make(*state, &o);
     plain = expected_share(f, 1);
@@ -300,8 +300,8 @@ TEST(growth_should_prefer_what_moves)
         share += f->value.log2_width[i] < f->rule[SAGA_ATTR_LOG2_WIDTH].hi;
     share /= f->n - N;
     printf("flat: %.1f %% of %u new primitives are short-lived; if moving "
-           "pixels count four times %.1f %%, once %.1f %%\n", 100 * share,
-           f->n - N, 100 * wanted, 100 * plain);
+           "pixels count four times %.1f %%, once %.1f %%\n",
+           100 * share, f->n - N, 100 * wanted, 100 * plain);
     assert_true(wanted > 1.5 * plain);
     assert_near(share, wanted, (wanted - plain) / 4);
     saga_flat_free(f);
@@ -371,7 +371,7 @@ TEST(worth_should_rank_what_removal_costs)
 
     o.n_iterations = 400;
     f = make(*state, &o);
-    run(f, 139);                    /* the first prune comes at 140 */
+    run(f, 139); /* the first prune comes at 140 */
     step = f->n / N;
     whole = error_of_all(f);
     for (uint32_t k = 0; k < N; k++) {
@@ -386,12 +386,12 @@ TEST(worth_should_rank_what_removal_costs)
         for (uint32_t j = 0; j < k; j++) {
             agree += (f->worth[k * step] > f->worth[j * step]) ==
                      (lost[k] > lost[j]);
-            heavier += (f->stats.weight[k * step] > f->stats.weight[j * step])
-                       == (lost[k] > lost[j]);
+            heavier += (f->stats.weight[k * step] >
+                        f->stats.weight[j * step]) == (lost[k] > lost[j]);
         }
     printf("flat: %d %% of pairs are in the order of their worth, %d %% in "
-           "that of their weight\n", 200 * agree / (N * (N - 1)),
-           200 * heavier / (N * (N - 1)));
+           "that of their weight\n",
+           200 * agree / (N * (N - 1)), 200 * heavier / (N * (N - 1)));
     assert_true(agree >= 2.0 / 3 * N * (N - 1) / 2);
     saga_flat_free(f);
 }
@@ -404,7 +404,7 @@ TEST(split_should_make_two_halves_of_the_longest_axis)
 {
     saga_flat_options o = small();
     const real mean[] = { R(0.25), R(-0.5), 0 }, size[] = { -6, -4, -5 };
-    const real quat[] = { 2, 0, 0, 2 };  /* need not be of unit length */
+    const real quat[] = { 2, 0, 0, 2 }; /* need not be of unit length */
     saga_splat_params half;
     saga_flat *f;
     uint8_t keep[2] = { 1, 0 };
@@ -418,7 +418,7 @@ TEST(split_should_make_two_halves_of_the_longest_axis)
     memcpy(f->value.log2_scale, size, sizeof size);
     memcpy(f->value.quat, quat, sizeof quat);
     f->value.opacity[0] = 1;
-    f->iteration = 5;               /* the last pruning, which sets the count */
+    f->iteration = 5; /* the last pruning, which sets the count */
     assert_done(saga_flat_change_count(f, &error));
     assert_int_equal(f->n, 2);
     half = saga_flat_params(f);
@@ -451,8 +451,8 @@ TEST(sights_should_have_the_true_depth)
     for (int i = 0; i < 900; i++) {
         const int x = 4 + i * 37 % (W - 8), y = 4 + i * 11 % (H - 8);
         const int view = p->train[i % p->n_train], frame = i % FRAMES;
-        const double truth =
-            (double)saga_capture_depth(c, view, frame)[y * W + x];
+        const double truth = (double)saga_capture_depth(c, view,
+                                                        frame)[y * W + x];
         saga_flat_sight s;
 
         if (saga_flat_look(f, view, frame, x + 0.5, y + 0.5, &s))
@@ -460,7 +460,8 @@ TEST(sights_should_have_the_true_depth)
     }
     qsort(error, (size_t)n, sizeof *error, saga_by_value);
     printf("flat: %d of 900 sights trusted, depth off by %.1f %% median, "
-           "%.0f %% p90\n", n, 100 * error[n / 2], 100 * error[n * 9 / 10]);
+           "%.0f %% p90\n",
+           n, 100 * error[n / 2], 100 * error[n * 9 / 10]);
     /* A pixel is 1 / 65 of the focal length, and the baseline is at least a
      * fifth of the depth, so that an error of one pixel in the parallax is at
      * most 8 % of the depth. Patches are matched to a fraction of a pixel. */
@@ -518,8 +519,7 @@ TEST(moments_should_be_learned_in_steps_of_seconds)
         before = copy_of(f->value.t_centre, f->n * sizeof *before);
         run(f, 1);
         for (uint32_t i = 0; i < f->n; i++)
-            most = fmax(most, fabs((double)(f->value.t_centre[i] -
-                                            before[i])));
+            most = fmax(most, fabs((double)(f->value.t_centre[i] - before[i])));
         assert_near(most, 1e-3 / fmax(seconds[k], 1), 2e-7);
         saga_flat_free(f);
     }
@@ -529,15 +529,16 @@ TEST(moments_should_be_learned_in_steps_of_seconds)
 /* Returns what v is along the axis k of the rotation q, in double: q^-1 v q. */
 static double along_axis(const double v[3], const real *q, size_t k)
 {
-    const double w = (double)q[0], u[3] = { (double)q[1], (double)q[2],
-                                            (double)q[3] };
+    const double w = (double)q[0],
+                 u[3] = { (double)q[1], (double)q[2], (double)q[3] };
     const double n = w * w + u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
     const double dot = u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
     const double uu = n - w * w;
     const size_t a = (k + 1) % 3, b = (k + 2) % 3;
 
     return ((w * w - uu) * v[k] + 2 * dot * u[k] -
-            2 * w * (u[a] * v[b] - u[b] * v[a])) / n;
+            2 * w * (u[a] * v[b] - u[b] * v[a])) /
+           n;
 }
 
 /* The first step of Adam equals the learning rate along each axis, or 0 for a
@@ -645,15 +646,15 @@ TEST(pictures_should_be_refused_when_they_cannot_be)
 {
     saga_capture c = ((fixture *)*state)->capture;
     saga_error error = { "" };
-    saga_shot views[VIEWS];
+    saga_source_view views[VIEWS];
     saga_pictures p;
 
     memcpy(views, c.views, sizeof views);
     c.views = views;
     views[0].width = 7;
     assert_false(saga_pictures_init(&p, &c, &error));
-    assert_non_null(strstr(error.message,
-                           "view cam00 is 7 x 48 pixels, at least 8 x 8"));
+    assert_non_null(
+        strstr(error.message, "view cam00 is 7 x 48 pixels, at least 8 x 8"));
     error = (saga_error){ "" };
     for (int v = 0; v < VIEWS; v++)
         views[v].held_out = true;
@@ -671,7 +672,7 @@ static saga_capture exposed(const saga_capture *c, const double *factor)
 
     copy.views = copy_of(c->views, VIEWS * sizeof *copy.views);
     for (int v = 0; v < VIEWS; v++) {
-        saga_shot *const s = &copy.views[v];
+        saga_source_view *const s = &copy.views[v];
         const size_t n = FRAMES * saga_view_frame_nbytes(s);
         uint8_t *const rgb = must(malloc(n));
         for (size_t i = 0; i < n; i++)
@@ -710,8 +711,9 @@ TEST(exposures_should_be_found)
         for (int k = 0; k < 3; k++) {
             const int a = p.train[i], b = p.train[0];
 
-            assert_near(p.exposure[3 * a + k] * factor[a] / (p.exposure[3 * b +
-                        k] * factor[b]), 1, 0.03);
+            assert_near(p.exposure[3 * a + k] * factor[a] /
+                            (p.exposure[3 * b + k] * factor[b]),
+                        1, 0.03);
         }
     saga_pictures_free(&p);
 }
@@ -759,8 +761,10 @@ TEST(truth_should_be_the_mean_of_boxes)
             double sum = 0;
 
             for (int j = 0; j < side * side; j++)
-                sum += saga_capture_frame(c, 2, 1)[
-                    3 * ((y * side + j / side) * W + x * side + j % side) + k];
+                sum += saga_capture_frame(
+                    c, 2,
+                    1)[3 * ((y * side + j / side) * W + x * side + j % side) +
+                       k];
             assert_near(canvas.truth[i], sum / 255 / (side * side), 1e-6);
         }
     }

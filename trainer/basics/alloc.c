@@ -28,8 +28,7 @@ static bool possible(size_t nbytes)
     return nbytes <= PTRDIFF_MAX;
 }
 
-void *saga_alloc(size_t count, size_t size, const char *what,
-                 saga_error *error)
+void *saga_alloc(size_t count, size_t size, const char *what, saga_error *error)
 {
     const size_t n = product(count, size);
     return checked(possible(n) ? malloc(n) : NULL, n, what, error);
@@ -54,6 +53,7 @@ void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
 {
     /* C11 requires a multiple of align; it is never 0. */
     void *const p = possible(nbytes)
-        ? aligned_alloc(align, nbytes / align * align + align) : NULL;
+                        ? aligned_alloc(align, nbytes / align * align + align)
+                        : NULL;
     return checked(p, nbytes, what, error);
 }

@@ -13,7 +13,7 @@
 
 typedef struct saga_arena {
     real *base;
-    size_t n;                /* number of reals taken */
+    size_t n; /* number of reals taken */
 } saga_arena;
 
 /* Takes n reals at a multiple of 16 reals. Returns NULL while the block is

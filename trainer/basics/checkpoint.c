@@ -9,7 +9,10 @@ enum { VERSION = 12 };
 
 static const char anew[] = "delete it and start again";
 
-typedef struct { char magic[16]; uint64_t version, real_nbytes; } header;
+typedef struct {
+    char magic[16];
+    uint64_t version, real_nbytes;
+} header;
 
 static header header_of_this(void)
 {
@@ -55,11 +58,13 @@ static bool check(const saga_bytes *b, const char *path, saga_error *error)
         return saga_fail(error, path, anew, "is cut short");
     /* Compares magic, version and the size of a real together. */
     if (memcmp(b->data, &mine, sizeof mine) != 0)
-        return saga_fail(error, path, anew, "is not a checkpoint of this "
+        return saga_fail(error, path, anew,
+                         "is not a checkpoint of this "
                          "version of the program");
     memcpy(&sum, b->data + b->nbytes - sizeof sum, sizeof sum);
     return saga_digest(SAGA_DIGEST_START, b->data, b->nbytes - sizeof sum) ==
-               sum || saga_fail(error, path, anew, "is damaged or cut short");
+               sum ||
+           saga_fail(error, path, anew, "is damaged or cut short");
 }
 
 bool saga_checkpoint_open(saga_checkpoint *c, const char *path,

@@ -16,9 +16,9 @@
 typedef struct saga_checkpoint {
     const char *path;
     bool reading;
-    bool failed;             /* after a failure nothing is written, and
-                              * everything that is read is zero */
-    uint64_t sum;            /* digest of what was written */
+    bool failed;  /* after a failure nothing is written, and
+                   * everything that is read is zero */
+    uint64_t sum; /* digest of what was written */
     saga_output out;
     saga_bytes bytes;
     saga_cursor rest;

@@ -30,8 +30,7 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
                    n_file > 400 ? "..." : "", tail ? tail : "",
                    tail ? ": " : "", 400, what, remedy ? "; " : "",
                    remedy ? remedy : "");
-    saga_utf8_copy(error->message, sizeof error->message, whole,
-                   strlen(whole));
+    saga_utf8_copy(error->message, sizeof error->message, whole, strlen(whole));
     return false;
 }
 

@@ -39,10 +39,10 @@ typedef struct saga_error {
 
 /* The result of a function that the user can stop. */
 typedef enum saga_outcome {
-    SAGA_FAILED = -1,        /* the saga_error has the reason */
+    SAGA_FAILED = -1, /* the saga_error has the reason */
     SAGA_DONE = 0,
-    SAGA_STOPPED = 1         /* stopped by the progress function; another call
-                              * continues */
+    SAGA_STOPPED = 1 /* stopped by the progress function; another call
+                      * continues */
 } saga_outcome;
 
 #ifdef __GNUC__

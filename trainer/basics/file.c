@@ -71,9 +71,8 @@ static bool add_name(saga_names *names, const char *name, const char *folder,
 {
     if ((names->n & (names->n - 1)) == 0) { /* the capacity is the next power of
                                              * two */
-        char **const more =
-            saga_realloc(names->at, names->n ? 2 * names->n : 1, sizeof *more,
-                         folder, error);
+        char **const more = saga_realloc(names->at, names->n ? 2 * names->n : 1,
+                                         sizeof *more, folder, error);
         if (!more)
             return false;
         names->at = more;
@@ -88,7 +87,7 @@ bool saga_folder_list(saga_names *names, const char *folder,
 {
     DIR *const dir = opendir(folder);
     bool ok = true;
-    *names = (saga_names){0};
+    *names = (saga_names){ 0 };
     if (!dir)
         return errno == ENOENT || errno == ENOTDIR ||
                saga_fail_errno(error, folder, "check its permissions",
@@ -108,7 +107,7 @@ void saga_names_free(saga_names *names)
     for (size_t i = 0; i < names->n; i++)
         free(names->at[i]);
     free(names->at);
-    *names = (saga_names){0};
+    *names = (saga_names){ 0 };
 }
 
 bool saga_has_suffix(const char *s, const char *suffix)
@@ -151,9 +150,8 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
         bytes->nbytes += (size_t)n;
     }
     bytes->data[bytes->nbytes] = 0;
-    return bytes->nbytes == size ||
-           saga_fail(error, path, "check the disk",
-                     "%zu bytes cannot be read", size);
+    return bytes->nbytes == size || saga_fail(error, path, "check the disk",
+                                              "%zu bytes cannot be read", size);
 }
 
 FILE *saga_open_file(const char *path)
@@ -166,7 +164,8 @@ FILE *saga_open_file(const char *path)
      * may change it. */
     errno = EINVAL;
     FILE *const f = fstat(fd, &st) == 0 && S_ISREG(st.st_mode)
-        ? fdopen(fd, "rb") : NULL;
+                        ? fdopen(fd, "rb")
+                        : NULL;
     const int why = errno;
     if (!f)
         close(fd);
@@ -177,17 +176,17 @@ FILE *saga_open_file(const char *path)
 static bool cannot_open(const char *path, saga_error *error)
 {
     if (errno == ENOENT && strstr(path, "://"))
-        return saga_fail(error, path, "download it first, for example with "
+        return saga_fail(error, path,
+                         "download it first, for example with "
                          "`curl -O ADDRESS`, and give the file's name",
                          "is an address, not a file on this machine");
     return saga_fail_errno(error, path, "check the name and the permissions",
                            "cannot be opened");
 }
 
-bool saga_read_file(saga_bytes *bytes, const char *path,
-                    saga_error *error)
+bool saga_read_file(saga_bytes *bytes, const char *path, saga_error *error)
 {
-    *bytes = (saga_bytes){0};
+    *bytes = (saga_bytes){ 0 };
     /* O_NONBLOCK avoids waiting for the writer of a pipe. */
     const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0)
@@ -217,8 +216,10 @@ bool saga_read_text(saga_bytes *bytes, const char *path, saga_error *error)
     if (bytes->nbytes >= 2 && (memcmp(bytes->data, "\xff\xfe", 2) == 0 ||
                                memcmp(bytes->data, "\xfe\xff", 2) == 0)) {
         saga_bytes_free(bytes);
-        return saga_fail(error, path, "save it as UTF-8 (in PowerShell with "
-                         "-Encoding utf8)", "is text in UTF-16");
+        return saga_fail(error, path,
+                         "save it as UTF-8 (in PowerShell with "
+                         "-Encoding utf8)",
+                         "is text in UTF-16");
     }
     /* The NUL behind the bytes moves with them. */
     bytes->nbytes -= bom;
@@ -229,7 +230,7 @@ bool saga_read_text(saga_bytes *bytes, const char *path, saga_error *error)
 void saga_bytes_free(saga_bytes *bytes)
 {
     free(bytes->data);
-    *bytes = (saga_bytes){0};
+    *bytes = (saga_bytes){ 0 };
 }
 
 bool saga_is_no_number(const char *word, size_t n)

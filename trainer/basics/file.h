@@ -29,7 +29,7 @@ bool saga_has_suffix(const char *s, const char *suffix);
 
 /* The names of files and folders in a folder. */
 typedef struct saga_names {
-    char **at;                /* (n) */
+    char **at; /* (n) */
     size_t n;
 } saga_names;
 
@@ -57,8 +57,7 @@ typedef struct saga_bytes {
  * except a regular file gives EINVAL. It does not block on a pipe. */
 FILE *saga_open_file(const char *path);
 
-bool saga_read_file(saga_bytes *bytes, const char *path,
-                    saga_error *error);
+bool saga_read_file(saga_bytes *bytes, const char *path, saga_error *error);
 /* Reads a file of text like saga_read_file, without the byte order mark that
  * Windows writes before UTF-8. UTF-16 is refused. */
 bool saga_read_text(saga_bytes *bytes, const char *path, saga_error *error);

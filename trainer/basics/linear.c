@@ -94,7 +94,7 @@ static void sort(saga_matrix v, saga_matrix a, size_t n)
 
 void saga_eigen(saga_matrix v, saga_matrix a, size_t n)
 {
-    enum { SWEEPS = 40 };        /* ten suffice for 32 rows */
+    enum { SWEEPS = 40 }; /* ten suffice for 32 rows */
 
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
@@ -103,8 +103,8 @@ void saga_eigen(saga_matrix v, saga_matrix a, size_t n)
     for (int sweep = 0; sweep < SWEEPS; sweep++)
         for (size_t p = 0; p < n; p++)
             for (size_t q = p + 1; q < n; q++)
-                if (fabs(a[p][q]) > DBL_EPSILON *
-                        sqrt(fabs(a[p][p] * a[q][q])) + DBL_MIN)
+                if (fabs(a[p][q]) >
+                    DBL_EPSILON * sqrt(fabs(a[p][p] * a[q][q])) + DBL_MIN)
                     annihilate(v, a, p, q, n);
     sort(v, a, n);
 }

@@ -34,8 +34,7 @@ int saga_compare_names(const char *a, const char *b)
 
 int saga_by_name(const void *a, const void *b)
 {
-    return saga_compare_names(*(const char *const *)a,
-                              *(const char *const *)b);
+    return saga_compare_names(*(const char *const *)a, *(const char *const *)b);
 }
 
 int saga_by_value(const void *a, const void *b)

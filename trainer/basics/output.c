@@ -44,8 +44,8 @@ static void forget(saga_output *out)
 {
     char *mine = out->temporary;
 
-    if (!out->slot || atomic_compare_exchange_strong(
-            &open_parts[out->slot - 1], &mine, NULL))
+    if (!out->slot ||
+        atomic_compare_exchange_strong(&open_parts[out->slot - 1], &mine, NULL))
         free(out->temporary);
 }
 
@@ -69,8 +69,10 @@ static void output_free(saga_output *out)
 
 static bool no_file(const char *path, saga_error *error)
 {
-    return saga_fail_errno(error, path, "choose a folder that exists and can "
-                           "be written", "cannot be created");
+    return saga_fail_errno(error, path,
+                           "choose a folder that exists and can "
+                           "be written",
+                           "cannot be created");
 }
 
 /* --- Parts --------------------------------------------------------------- */
@@ -169,8 +171,7 @@ bool saga_output_sweep(const char *path)
 /* Creates a new part and locks it. Returns a file descriptor, or -1 with errno
  * set. A concurrent sweep may remove the part before it is locked; then the
  * next index is tried. */
-static int create_part(char *name, size_t nbytes, const char *path,
-                       bool folder)
+static int create_part(char *name, size_t nbytes, const char *path, bool folder)
 {
     for (int i = 0; i < N_NAMES; i++) {
         struct stat info;
@@ -214,8 +215,10 @@ char *saga_output_folder(const char *path, int *lock, saga_error *error)
         (void)sweep(path, name);
         return name;
     }
-    saga_fail_errno(error, path, "choose a place that exists and can be "
-                    "written", "folder cannot be made");
+    saga_fail_errno(error, path,
+                    "choose a place that exists and can be "
+                    "written",
+                    "folder cannot be made");
     free(name);
     return NULL;
 }
@@ -278,8 +281,7 @@ static bool open_output(saga_output *out, const char *path, bool alone,
     if (exists && S_ISDIR(info.st_mode))
         ok = saga_fail(error, path, "give the name of a file", "is a folder");
     else if (exists && !S_ISREG(info.st_mode))
-        ok = open_file(out, open(out->path, O_WRONLY | O_CLOEXEC), path,
-                       error);
+        ok = open_file(out, open(out->path, O_WRONLY | O_CLOEXEC), path, error);
     else
         ok = open_part(out, exists ? &info : NULL, alone, error);
     if (!ok)

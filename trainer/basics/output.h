@@ -20,10 +20,10 @@
 #include <stdio.h>
 
 typedef struct saga_output {
-    FILE *file;              /* NULL: not open */
-    char *path, *temporary;  /* temporary is NULL if there is no part */
-    int slot;                /* index in the list of open parts, from 1; 0: not
-                              * in it */
+    FILE *file;             /* NULL: not open */
+    char *path, *temporary; /* temporary is NULL if there is no part */
+    int slot;               /* index in the list of open parts, from 1; 0: not
+                             * in it */
 } saga_output;
 
 bool saga_output_open(saga_output *out, const char *path, saga_error *error);

@@ -10,7 +10,9 @@
 #include <stdint.h>
 
 /* A stream of a seed. It may be copied freely. */
-typedef struct saga_rng { uint64_t key; } saga_rng;
+typedef struct saga_rng {
+    uint64_t key;
+} saga_rng;
 
 /* Streams are independent of each other, and so are seeds. */
 saga_rng saga_rng_stream(uint64_t seed, uint64_t stream);

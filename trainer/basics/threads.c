@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The worker threads form one crew. Each thread of a team has a share of the
+ * The worker threads form one pool. Each thread of a team has a share of the
  * work's parts and takes parts from its beginning; a thread whose share is
  * empty takes from the ends of the others'. In this way a thread handles the
  * same data in every stage of an iteration, in its own cache, which is many
@@ -33,32 +33,35 @@ enum { AWAKE_NS = 50000, LOOKS = 32, WORTH_WAKING = 5 };
 /* A share has bits for its end, its beginning and the number of the work. */
 enum { MOST_THREADS = 256, END_BITS = 20, MOST_PARTS = (1 << END_BITS) - 1 };
 
-/* --- The crew ------------------------------------------------------------ */
-
-typedef struct { _Alignas(64) _Atomic uint64_t left; } share;
+/* --- The pool ------------------------------------------------------------ */
 
 typedef struct {
-    atomic_flag busy;            /* set while a caller has the crew */
-    _Atomic uint64_t work;       /* its number */
+    _Alignas(64) _Atomic uint64_t left;
+} share;
+
+typedef struct {
+    atomic_flag busy;      /* set while a caller has the pool */
+    _Atomic uint64_t work; /* its number */
     _Atomic(void (*)(void *, size_t)) run;
     _Atomic(void *) user;
-    atomic_size_t team;          /* number of threads that may take parts */
-    atomic_size_t n_meetings;
+    atomic_size_t team; /* number of threads that may take parts */
+    atomic_size_t n_regions;
     atomic_int n_asleep;
     _Alignas(64) atomic_size_t done; /* parts done */
     share of[MOST_THREADS];
-    size_t n_threads;            /* started so far; changed only by the thread
-                                  * that set `busy` */
+    size_t n_threads; /* started so far; changed only by the thread
+                       * that set `busy` */
     pthread_mutex_t gate;
     pthread_cond_t call;
-} crew;
+} thread_pool;
 
-static crew all = { .busy = ATOMIC_FLAG_INIT, .n_threads = 1,
-                    .gate = PTHREAD_MUTEX_INITIALIZER,
-                    .call = PTHREAD_COND_INITIALIZER };
+static thread_pool pool = { .busy = ATOMIC_FLAG_INIT,
+                            .n_threads = 1,
+                            .gate = PTHREAD_MUTEX_INITIALIZER,
+                            .call = PTHREAD_COND_INITIALIZER };
 
-/* The index of this thread in the crew, and whether it is working with the
- * crew. */
+/* The index of this thread in the pool, and whether it is working with the
+ * thread_pool. */
 static _Thread_local size_t number;
 static _Thread_local bool is_at_work;
 
@@ -91,21 +94,22 @@ static bool take(share *from, bool is_own)
     uint64_t left = atomic_load(&from->left);
 
     for (;;) {
-        void (*const run)(void *, size_t) = atomic_load(&all.run);
-        void *const user = atomic_load(&all.user);
+        void (*const run)(void *, size_t) = atomic_load(&pool.run);
+        void *const user = atomic_load(&pool.user);
         const size_t end = left & MOST_PARTS;
         const size_t begin = left >> END_BITS & MOST_PARTS;
 
         /* A thread that woke late may be outside the team of this work. */
-        if (begin == end || number >= atomic_load(&all.team))
+        if (begin == end || number >= atomic_load(&pool.team))
             return false;
         /* The owner takes from the beginning, others from the end. If another
          * thread was faster, or the work has changed, the exchange fails and
          * reloads `left`. */
-        if (atomic_compare_exchange_weak(&from->left, &left, is_own
-                ? left + ((uint64_t)1 << END_BITS) : left - 1)) {
+        if (atomic_compare_exchange_weak(
+                &from->left, &left,
+                is_own ? left + ((uint64_t)1 << END_BITS) : left - 1)) {
             run(user, is_own ? begin : end - 1);
-            atomic_fetch_add_explicit(&all.done, 1, memory_order_release);
+            atomic_fetch_add_explicit(&pool.done, 1, memory_order_release);
             return true;
         }
     }
@@ -115,12 +119,12 @@ static bool take(share *from, bool is_own)
  * those of other shares. */
 static void help(void)
 {
-    const size_t team = atomic_load(&all.team);
+    const size_t team = atomic_load(&pool.team);
     size_t i;
 
     if (number < team)
         for (i = 0; i < team; i++)
-            while (take(&all.of[(number + i) % team], i == 0))
+            while (take(&pool.of[(number + i) % team], i == 0))
                 ;
 }
 
@@ -132,7 +136,7 @@ static bool look_for_work(uint64_t last)
 
     do
         for (int i = 0; i < LOOKS; i++) {
-            if (atomic_load_explicit(&all.work, memory_order_acquire) != last)
+            if (atomic_load_explicit(&pool.work, memory_order_acquire) != last)
                 return true;
             pause_a_little();
         }
@@ -142,14 +146,14 @@ static bool look_for_work(uint64_t last)
 
 static void sleep_until_called(uint64_t last)
 {
-    pthread_mutex_lock(&all.gate);
+    pthread_mutex_lock(&pool.gate);
     /* The thread counts itself before it checks the work's number. Therefore
      * the announcer either sees a sleeper or has already set the number. */
-    atomic_fetch_add(&all.n_asleep, 1);
-    while (atomic_load(&all.work) == last)
-        pthread_cond_wait(&all.call, &all.gate);
-    atomic_fetch_sub(&all.n_asleep, 1);
-    pthread_mutex_unlock(&all.gate);
+    atomic_fetch_add(&pool.n_asleep, 1);
+    while (atomic_load(&pool.work) == last)
+        pthread_cond_wait(&pool.call, &pool.gate);
+    atomic_fetch_sub(&pool.n_asleep, 1);
+    pthread_mutex_unlock(&pool.gate);
 }
 
 static void *serve(void *user)
@@ -161,26 +165,27 @@ static void *serve(void *user)
     for (;;) {
         if (!look_for_work(last))
             sleep_until_called(last);
-        last = atomic_load(&all.work);
+        last = atomic_load(&pool.work);
         help();
     }
     return NULL;
 }
 
-/* Starts threads until the crew has n. If one cannot be started, the crew stays
+/* Starts threads until the pool has n. If one cannot be started, the pool stays
  * smaller. */
-static void enlist(size_t n)
+static void start_threads(size_t n)
 {
     pthread_attr_t attr;
     pthread_t thread;
 
-    if (n <= all.n_threads || pthread_attr_init(&attr) != 0)
+    if (n <= pool.n_threads || pthread_attr_init(&attr) != 0)
         return;
     (void)pthread_attr_setstacksize(&attr, SAGA_STACK_NBYTES);
     (void)pthread_attr_setdetachstate(&attr, PTHREAD_CREATE_DETACHED);
-    while (all.n_threads < n && pthread_create(
-               &thread, &attr, serve, (void *)(uintptr_t)all.n_threads) == 0)
-        all.n_threads++;
+    while (pool.n_threads < n &&
+           pthread_create(&thread, &attr, serve,
+                          (void *)(uintptr_t)pool.n_threads) == 0)
+        pool.n_threads++;
     pthread_attr_destroy(&attr);
 }
 
@@ -209,36 +214,37 @@ size_t saga_team(double ns)
     const double each = least_ns();
 
     return ns >= each * (double)now ? now
-         : ns >= 2 * each ? (size_t)(ns / each) : 1;
+           : ns >= 2 * each         ? (size_t)(ns / each)
+                                    : 1;
 }
 
-size_t saga_n_meetings(void)
+size_t saga_n_regions(void)
 {
-    return atomic_load_explicit(&all.n_meetings, memory_order_relaxed);
+    return atomic_load_explicit(&pool.n_regions, memory_order_relaxed);
 }
 
 static void announce(const saga_tasks *t, size_t team)
 {
-    const uint64_t work = atomic_load(&all.work) + 1;
+    const uint64_t work = atomic_load(&pool.work) + 1;
 
-    atomic_store(&all.run, t->run);
-    atomic_store(&all.user, t->user);
-    atomic_store(&all.team, team);
-    atomic_store(&all.done, 0);
+    atomic_store(&pool.run, t->run);
+    atomic_store(&pool.user, t->user);
+    atomic_store(&pool.team, team);
+    atomic_store(&pool.done, 0);
     /* Shares are written after the rest of the description, so that a thread
      * that takes a part finds it complete. The number, for which others wait,
      * is written last. */
     for (size_t i = 0; i < team; i++)
-        atomic_store(&all.of[i].left, share_of(work, t->n * i / team,
-                                               t->n * (i + 1) / team));
-    atomic_store(&all.work, work);
+        atomic_store(&pool.of[i].left,
+                     share_of(work, t->n * i / team, t->n * (i + 1) / team));
+    atomic_store(&pool.work, work);
     if (t->ns >= (double)WORTH_WAKING * least_ns() &&
-        atomic_load(&all.n_asleep) > 0) {
+        atomic_load(&pool.n_asleep) > 0) {
         /* With the mutex held, no thread can be between its check of the number
          * and its wait. */
-        pthread_mutex_lock(&all.gate);
-        pthread_cond_broadcast(&all.call);
-        pthread_mutex_unlock(&all.gate);
+        pthread_mutex_lock(&pool.gate);
+        pthread_cond_broadcast(&pool.call);
+        pthread_mutex_unlock(&pool.gate);
     }
 }
 
@@ -246,7 +252,7 @@ static void announce(const saga_tasks *t, size_t team)
  * to run, so after a while it yields. */
 static void await(size_t n)
 {
-    for (int i = 0; atomic_load_explicit(&all.done, memory_order_acquire) < n;
+    for (int i = 0; atomic_load_explicit(&pool.done, memory_order_acquire) < n;
          i++)
         if (i < 100 * LOOKS)
             pause_a_little();
@@ -276,22 +282,22 @@ void saga_parallel(const saga_tasks *t)
     if (t->most)
         team = least(team, t->most);
     if (!is_at_work)
-        atomic_fetch_add_explicit(&all.n_meetings, 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(&pool.n_regions, 1, memory_order_relaxed);
     /* One thread does all the work if more would not pay, inside other work,
-     * and while another caller has the crew. */
+     * and while another caller has the pool. */
     if (team < 2 || t->n > MOST_PARTS || is_nested() ||
-        atomic_flag_test_and_set(&all.busy)) {
+        atomic_flag_test_and_set(&pool.busy)) {
         run_alone(t);
         return;
     }
     /* The caller is thread 0 of the team. */
     is_at_work = true;
-    enlist(team);
+    start_threads(team);
     announce(t, team);
     help();
     await(t->n);
     is_at_work = false;
-    atomic_flag_clear(&all.busy);
+    atomic_flag_clear(&pool.busy);
 }
 
 /* --- Clearing ------------------------------------------------------------ */
@@ -300,7 +306,10 @@ void saga_parallel(const saga_tasks *t)
 enum { PART = 32768, LINE = 64 };
 #define CLEAR_NS 0.02
 
-typedef struct { const saga_span *span; size_t n_spans, n_parts; } clearing;
+typedef struct {
+    const saga_span *span;
+    size_t n_spans, n_parts;
+} clearing;
 
 /* Clears the same part of every span. */
 static void clear_part(void *user, size_t part)
@@ -324,7 +333,8 @@ void saga_clear(const saga_span *spans, size_t n)
     for (size_t i = 0; i < n; i++)
         nbytes += spans[i].at ? spans[i].nbytes : 0;
     c.n_parts = saga_n_parts(nbytes, PART);
-    saga_parallel(&(saga_tasks){ .run = clear_part, .user = &c,
+    saga_parallel(&(saga_tasks){ .run = clear_part,
+                                 .user = &c,
                                  .n = c.n_parts,
                                  .ns = CLEAR_NS * (double)nbytes });
 }
@@ -333,7 +343,7 @@ void saga_clear(const saga_span *spans, size_t n)
 
 /* Threads that all wait until the last has started. */
 typedef struct {
-    pthread_mutex_t gate;        /* held by the thread that starts them */
+    pthread_mutex_t gate; /* held by the thread that starts them */
     pthread_t *thread;
     int n;
 } crowd;
@@ -387,14 +397,14 @@ bool saga_threads_reserve(int n, saga_error *error)
     free(c.thread);
     if (!ok)
         return saga_no_memory((size_t)n * SAGA_STACK_NBYTES, what, error);
-    /* Starts OpenMP's own threads before the memory is used for something
-     * else. */
+        /* Starts OpenMP's own threads before the memory is used for something
+         * else. */
 #pragma omp parallel num_threads(n)
     {
     }
-    if (!atomic_flag_test_and_set(&all.busy)) {
-        enlist((size_t)n);
-        atomic_flag_clear(&all.busy);
+    if (!atomic_flag_test_and_set(&pool.busy)) {
+        start_threads((size_t)n);
+        atomic_flag_clear(&pool.busy);
     }
     return true;
 }

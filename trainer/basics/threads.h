@@ -43,10 +43,10 @@ typedef struct saga_tasks {
     void (*run)(void *user, size_t part);
     void *user;
     size_t n;
-    double ns;            /* time of all parts on one thread, about; only its
-                           * order of magnitude matters */
-    size_t most;          /* most threads, because of scratch memory; 0: no
-                           * limit */
+    double ns;   /* time of all parts on one thread, about; only its
+                  * order of magnitude matters */
+    size_t most; /* most threads, because of scratch memory; 0: no
+                  * limit */
 } saga_tasks;
 
 /* The least work for one thread, in nanoseconds; with less, fewer threads are
@@ -66,12 +66,14 @@ size_t saga_team(double ns);
 
 /* Returns how often saga_parallel was called, except from parts of work. It
  * counts how often threads may have to wait for each other. */
-size_t saga_n_meetings(void);
+size_t saga_n_regions(void);
 
 /* --- Parts --------------------------------------------------------------- */
 
 /* The elements from index `begin` to index `end` - 1. */
-typedef struct saga_range { size_t begin, end; } saga_range;
+typedef struct saga_range {
+    size_t begin, end;
+} saga_range;
 
 /* Returns the number of parts into which n elements are divided, `size` in
  * each. */
@@ -103,7 +105,10 @@ static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
 }
 
 /* A piece of memory. */
-typedef struct saga_span { void *at; size_t nbytes; } saga_span;
+typedef struct saga_span {
+    void *at;
+    size_t nbytes;
+} saga_span;
 
 /* Sets n spans to zero, with several threads. A span at NULL is skipped. */
 void saga_clear(const saga_span *spans, size_t n);

@@ -32,7 +32,9 @@ size_t saga_utf8_length(const char *s, size_t n)
         c = c << 6 | (p[i] & 0x3f);
     /* Overlong forms, code points above U+10FFFF and surrogates are refused. */
     return i == length && c >= least_of(length) && c <= 0x10ffff &&
-           (c < 0xd800 || c > 0xdfff) ? length : 0;
+                   (c < 0xd800 || c > 0xdfff)
+               ? length
+               : 0;
 }
 
 bool saga_utf8_is(const char *s)
@@ -66,11 +68,10 @@ static bool is_shown(uint32_t c)
      * and those of its format characters (Cf) that act on their neighbours. */
     static const struct {
         uint32_t first, last;
-    } hidden[] = {
-        { 0, 0x1f }, { 0x7f, 0x9f }, { 0xad, 0xad }, { 0x61c, 0x61c },
-        { 0x200b, 0x200f }, { 0x2028, 0x202e }, { 0x2060, 0x206f },
-        { 0xfeff, 0xfeff }, { 0xfff9, 0xfffb }, { 0xe0000, 0xe007f }
-    };
+    } hidden[] = { { 0, 0x1f },         { 0x7f, 0x9f },     { 0xad, 0xad },
+                   { 0x61c, 0x61c },    { 0x200b, 0x200f }, { 0x2028, 0x202e },
+                   { 0x2060, 0x206f },  { 0xfeff, 0xfeff }, { 0xfff9, 0xfffb },
+                   { 0xe0000, 0xe007f } };
 
     for (size_t i = 0; i < sizeof hidden / sizeof *hidden; i++)
         if (c >= hidden[i].first && c <= hidden[i].last)

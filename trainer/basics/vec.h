@@ -181,14 +181,12 @@ static inline void vec_sum8(real *out, const vec *v)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE
     const __m256 a = _mm256_hadd_ps(_mm256_hadd_ps((__m256)v[0], (__m256)v[1]),
-                                    _mm256_hadd_ps((__m256)v[2],
-                                                   (__m256)v[3]));
+                                    _mm256_hadd_ps((__m256)v[2], (__m256)v[3]));
     const __m256 b = _mm256_hadd_ps(_mm256_hadd_ps((__m256)v[4], (__m256)v[5]),
-                                    _mm256_hadd_ps((__m256)v[6],
-                                                   (__m256)v[7]));
+                                    _mm256_hadd_ps((__m256)v[6], (__m256)v[7]));
 
     _mm256_storeu_ps(out, _mm256_permute2f128_ps(a, b, 0x20) +
-                          _mm256_permute2f128_ps(a, b, 0x31));
+                              _mm256_permute2f128_ps(a, b, 0x31));
 #else
     int i, k, n;
 

@@ -19,15 +19,42 @@ enum { WIDE_LANES = 16 };
 typedef __m512 wide;
 typedef __mmask16 wide_mask;
 
-static inline wide wide_load(const real *p) { return _mm512_loadu_ps(p); }
-static inline void wide_store(real *p, wide a) { _mm512_storeu_ps(p, a); }
-static inline wide wide_set1(real x) { return _mm512_set1_ps(x); }
-static inline wide wide_add(wide a, wide b) { return _mm512_add_ps(a, b); }
-static inline wide wide_sub(wide a, wide b) { return _mm512_sub_ps(a, b); }
-static inline wide wide_mul(wide a, wide b) { return _mm512_mul_ps(a, b); }
-static inline wide wide_div(wide a, wide b) { return _mm512_div_ps(a, b); }
-static inline wide wide_min(wide a, wide b) { return _mm512_min_ps(a, b); }
-static inline wide wide_max(wide a, wide b) { return _mm512_max_ps(a, b); }
+static inline wide wide_load(const real *p)
+{
+    return _mm512_loadu_ps(p);
+}
+static inline void wide_store(real *p, wide a)
+{
+    _mm512_storeu_ps(p, a);
+}
+static inline wide wide_set1(real x)
+{
+    return _mm512_set1_ps(x);
+}
+static inline wide wide_add(wide a, wide b)
+{
+    return _mm512_add_ps(a, b);
+}
+static inline wide wide_sub(wide a, wide b)
+{
+    return _mm512_sub_ps(a, b);
+}
+static inline wide wide_mul(wide a, wide b)
+{
+    return _mm512_mul_ps(a, b);
+}
+static inline wide wide_div(wide a, wide b)
+{
+    return _mm512_div_ps(a, b);
+}
+static inline wide wide_min(wide a, wide b)
+{
+    return _mm512_min_ps(a, b);
+}
+static inline wide wide_max(wide a, wide b)
+{
+    return _mm512_max_ps(a, b);
+}
 
 /* Returns a b + c. */
 static inline wide wide_fma(wide a, wide b, wide c)
@@ -81,8 +108,7 @@ static inline wide wide_exp2_neg(wide x)
     p = wide_fma(p, f, wide_set1(VEC_EXP2_1));
     p = wide_fma(p, f, wide_set1(VEC_EXP2_0));
     return _mm512_castsi512_ps(_mm512_sub_epi32(
-        _mm512_castps_si512(p),
-        _mm512_slli_epi32(_mm512_castps_si512(i), 23)));
+        _mm512_castps_si512(p), _mm512_slli_epi32(_mm512_castps_si512(i), 23)));
 }
 
 /* Returns the lower eight lanes plus the upper eight. */
@@ -97,8 +123,12 @@ static inline vec wide_fold(wide a)
 
 enum { WIDE_VECS = WIDE_LANES / VEC_LANES };
 
-typedef struct wide { vec v[WIDE_VECS]; } wide;
-typedef struct wide_mask { veci v[WIDE_VECS]; } wide_mask;
+typedef struct wide {
+    vec v[WIDE_VECS];
+} wide;
+typedef struct wide_mask {
+    veci v[WIDE_VECS];
+} wide_mask;
 
 static inline wide wide_load(const real *p)
 {

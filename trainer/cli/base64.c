@@ -11,8 +11,8 @@ char *saga_base64(const char *prefix, const uint8_t *bytes, size_t n,
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
                                  "abcdefghijklmnopqrstuvwxyz0123456789+/";
     const size_t start = strlen(prefix);
-    char *const text = saga_alloc(start + (n + 2) / 3 * 4 + 1, 1,
-                                  "a page", error);
+    char *const text = saga_alloc(start + (n + 2) / 3 * 4 + 1, 1, "a page",
+                                  error);
     char *to = text + start;
 
     if (!text)

@@ -14,8 +14,9 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         { "header and rig", "header", l->header_nbytes },
         { "index", "index", l->index_nbytes },
         { "networks", "networks", l->nets_nbytes },
-        { "base", "base", (uint64_t)l->base_nbytes[SAGA_PART_COARSE] +
-          l->base_nbytes[SAGA_PART_FINE] + l->base_nbytes[SAGA_PART_PRIM] },
+        { "base", "base",
+          (uint64_t)l->base_nbytes[SAGA_PART_COARSE] +
+              l->base_nbytes[SAGA_PART_FINE] + l->base_nbytes[SAGA_PART_PRIM] },
         { "names", "names", l->names_nbytes },
         { "exposures", "exposures", l->exposures_nbytes },
         { "sound", "sound", l->sound_nbytes },
@@ -43,8 +44,8 @@ void saga_put_bytes(json_t *report, const saga_layout *layout)
 
         saga_put_int(o, rows[i].key, n);
         saga_put_item(list, json_pack("{sssIsf}", "name", rows[i].name,
-                                      "nbytes", n, "part", (double)n /
-                                      (double)layout->file_nbytes));
+                                      "nbytes", n, "part",
+                                      (double)n / (double)layout->file_nbytes));
     }
     saga_put(report, "bytes", o);
     saga_put(report, "/bytes", list);

@@ -13,8 +13,11 @@
 void saga_put_bytes(json_t *report, const saga_layout *layout);
 
 /* The lines that print it; components without bytes are left out. */
-#define SAGA_BYTES_LINES \
-    { "", NULL, "\nbytes\n" }, \
-    { "nbytes", "/bytes", "  {name:%-18s} {nbytes:%12d}  {part*100:%5.1f} %\n" }
+#define SAGA_BYTES_LINES                                         \
+    { "", NULL, "\nbytes\n" },                                   \
+    {                                                            \
+        "nbytes", "/bytes",                                      \
+            "  {name:%-18s} {nbytes:%12d}  {part*100:%5.1f} %\n" \
+    }
 
 #endif

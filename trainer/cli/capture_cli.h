@@ -9,43 +9,86 @@
 #include "cli.h"
 
 typedef struct saga_capture_choice {
-    saga_cli_pair frames;    /* frames a to b - 1; b = 0: to the last */
+    saga_cli_pair frames; /* frames a to b - 1; b = 0: to the last */
     const char *hold_out, *late;
-    int scale;               /* 1/scale of the size; 0: not given */
+    int scale; /* 1/scale of the size; 0: not given */
     int memory, threads;
     bool alpha_masks, follow_paths;
 } saga_capture_choice;
 
 /* The choice if no option is given. */
-#define SAGA_CAPTURE_CHOICE { .memory = 4 }
+#define SAGA_CAPTURE_CHOICE \
+    {                       \
+        .memory = 4         \
+    }
 
 /* Rows for a command's table of options, whose structure `type` holds the
  * choice in its `member`. */
-#define SAGA_CAPTURE_OPTIONS(type, member) \
-    { "--frames", "A:B", "use frames A to B - 1 of the capture (default: " \
-      "all)", saga_cli_range, offsetof(type, member.frames), 0, \
-      SAGA_MAX_FRAMES }, \
-    { "--scale", "1/N", "shrink the pictures to 1/N of their width and " \
-      "height, by\naveraging boxes of N x N pixels", saga_cli_scale, \
-      offsetof(type, member.scale), 1, SAGA_MAX_SCALE }, \
-    { "--hold-out", "NAME,..", "cameras to keep from training, to judge " \
-      "the result by;\n\"\" for none (default: those that the capture " \
-      "names)", saga_cli_names, offsetof(type, member.hold_out), 0, 0 }, \
-    { "--late", "NAME=N,..", "cameras that are N frames behind the others; " \
-      "N may be a\nfraction, such as 0.5", saga_cli_text, \
-      offsetof(type, member.late), 0, 0 }, \
-    { "--alpha-masks", NULL, "ignore pixels of alpha below 128; " \
-      "without this,\npictures lie over black", saga_cli_flag, \
-      offsetof(type, member.alpha_masks), 0, 0 }, \
-    { "--follow-paths", NULL, "read files outside the capture's folder if " \
-      "it names them\nby an absolute path or by ..; symbolic links are " \
-      "always\nfollowed", saga_cli_flag, \
-      offsetof(type, member.follow_paths), 0, 0 }, \
-    { "--memory", "GIB", "most memory for loaded pictures, in GiB (default " \
-      "4)", saga_cli_int, offsetof(type, member.memory), 1, 1 << 16 }, \
-    { "--threads", "N", "number of threads (default: all cores); the " \
-      "result does\nnot depend on it", saga_cli_int, \
-      offsetof(type, member.threads), 1, 1024 }
+#define SAGA_CAPTURE_OPTIONS(type, member)                                   \
+    { "--frames",                                                            \
+      "A:B",                                                                 \
+      "use frames A to B - 1 of the capture (default: "                      \
+      "all)",                                                                \
+      saga_cli_range,                                                        \
+      offsetof(type, member.frames),                                         \
+      0,                                                                     \
+      SAGA_MAX_FRAMES },                                                     \
+        { "--scale",                                                         \
+          "1/N",                                                             \
+          "shrink the pictures to 1/N of their width and "                   \
+          "height, by\naveraging boxes of N x N pixels",                     \
+          saga_cli_scale,                                                    \
+          offsetof(type, member.scale),                                      \
+          1,                                                                 \
+          SAGA_MAX_SCALE },                                                  \
+        { "--hold-out",                                                      \
+          "NAME,..",                                                         \
+          "cameras to keep from training, to judge "                         \
+          "the result by;\n\"\" for none (default: those that the capture "  \
+          "names)",                                                          \
+          saga_cli_names,                                                    \
+          offsetof(type, member.hold_out),                                   \
+          0,                                                                 \
+          0 },                                                               \
+        { "--late",                                                          \
+          "NAME=N,..",                                                       \
+          "cameras that are N frames behind the others; "                    \
+          "N may be a\nfraction, such as 0.5",                               \
+          saga_cli_text,                                                     \
+          offsetof(type, member.late),                                       \
+          0,                                                                 \
+          0 },                                                               \
+        { "--alpha-masks",                                                   \
+          NULL,                                                              \
+          "ignore pixels of alpha below 128; "                               \
+          "without this,\npictures lie over black",                          \
+          saga_cli_flag,                                                     \
+          offsetof(type, member.alpha_masks),                                \
+          0,                                                                 \
+          0 },                                                               \
+        { "--follow-paths",                                                  \
+          NULL,                                                              \
+          "read files outside the capture's folder if "                      \
+          "it names them\nby an absolute path or by ..; symbolic links are " \
+          "always\nfollowed",                                                \
+          saga_cli_flag,                                                     \
+          offsetof(type, member.follow_paths),                               \
+          0,                                                                 \
+          0 },                                                               \
+        { "--memory",                                                        \
+          "GIB",                                                             \
+          "most memory for loaded pictures, in GiB (default "                \
+          "4)",                                                              \
+          saga_cli_int,                                                      \
+          offsetof(type, member.memory),                                     \
+          1,                                                                 \
+          1 << 16 },                                                         \
+    {                                                                        \
+        "--threads", "N",                                                    \
+            "number of threads (default: all cores); the "                   \
+            "result does\nnot depend on it",                                 \
+            saga_cli_int, offsetof(type, member.threads), 1, 1024            \
+    }
 
 /* Returns the options for loading; `progress` is not set. */
 saga_capture_options saga_capture_chosen(const saga_capture_choice *choice);

@@ -27,25 +27,25 @@ typedef struct {
 static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
 {
     const saga_survey_view *const one = &s->views[v];
-    const saga_shot *const shot = &c->views[v];
+    const saga_source_view *const view = &c->views[v];
     const double late = one->late.frames;
-    const bool seen = shot->n_observations > 0;
+    const bool seen = view->n_observations > 0;
     json_t *const o = json_object();
 
-    saga_put_text(o, "name", shot->name);
-    saga_put_flag(o, "held_out", shot->held_out);
-    saga_put_text(o, "/held_out", shot->held_out ? "*" : " ");
-    saga_put_int(o, "width", shot->width);
-    saga_put_int(o, "height", shot->height);
+    saga_put_text(o, "name", view->name);
+    saga_put_flag(o, "held_out", view->held_out);
+    saga_put_text(o, "/held_out", view->held_out ? "*" : " ");
+    saga_put_int(o, "width", view->width);
+    saga_put_int(o, "height", view->height);
     saga_put_real(o, "angle_degrees", one->angle);
-    saga_put_text(o, "nearest", one->nearest < 0
-                  ? "" : c->views[one->nearest].name);
+    saga_put_text(o, "nearest",
+                  one->nearest < 0 ? "" : c->views[one->nearest].name);
     saga_put_real(o, "shared", one->overlap);
     saga_put_real(o, "seen", one->seen);
     saga_put_real(o, "reprojection_median_px",
-                  seen ? shot->reprojection_median : (double)NAN);
+                  seen ? view->reprojection_median : (double)NAN);
     saga_put_real(o, "reprojection_p90_px",
-                  seen ? shot->reprojection_p90 : (double)NAN);
+                  seen ? view->reprojection_p90 : (double)NAN);
     saga_put_real(o, "epipolar_px", s->calibration.off[v]);
     saga_put_real(o, "stops", one->stops);
     saga_put_real(o, "colour", one->colour);
@@ -59,7 +59,7 @@ static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
     /* Late times below 0.05 are shown as 0, since printf would print a small
      * negative number as -0.0. */
     saga_put_real(o, "/late", fabs(late) < 0.05 ? 0.0 : late);
-    saga_put_int(o, "n_missing", shot->n_missing);
+    saga_put_int(o, "n_missing", view->n_missing);
     return o;
 }
 
@@ -128,7 +128,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     saga_put(o, "refinement", refinement_of(&s->calibration.refinement));
     saga_put(o, "views", views);
     saga_put(o, "notes", lines_of(c->notes));
-    saga_put(o, "to_mind", lines_of(s->notes));
+    saga_put(o, "warnings", lines_of(s->notes));
     saga_put(o, "forecast", forecast);
     saga_put_int(o, "/n_segments", f.n_segments);
     return o;
@@ -137,13 +137,16 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
 /* --- As text ------------------------------------------------------------- */
 
 static const saga_line text[] = {
-    { "", NULL, "{file}: {format}, {/n_views} camera{/n_views+s}, {n_frames} "
+    { "", NULL,
+      "{file}: {format}, {/n_views} camera{/n_views+s}, {n_frames} "
       "frame{n_frames+s} at {frames_per_second:%g} per second, {n_points} "
       "points\n" },
     { "", "notes", "  {}\n" },
-    { "", NULL, "\n  camera            size    angle shared  seen off, px fit, "
+    { "", NULL,
+      "\n  camera            size    angle shared  seen off, px fit, "
       "px   stops  colour   late      missing\n" },
-    { "", "views", "  {name:%-12.12s}{/held_out}{width:%5d}x{height:%-5d}"
+    { "", "views",
+      "  {name:%-12.12s}{/held_out}{width:%5d}x{height:%-5d}"
       "{angle_degrees:%7.1f}{shared*100:%7.0f}{seen*100:%6.0f}"
       "{reprojection_median_px:%8.2f}{epipolar_px:%8.2f}{stops:%+8.2f}"
       "{colour:%8.1f}"
@@ -151,28 +154,35 @@ static const saga_line text[] = {
     /* The tolerance, if one is known, takes five of the 13 columns. */
     { "/is_late", "views", "+-{late_tolerance_frames:%.1f}{n_missing:%8d}\n" },
     { "!/is_late", "views", "{n_missing:%13d}\n" },
-    { "", NULL, "  * held out. angle: degrees to the nearest camera; shared: "
+    { "", NULL,
+      "  * held out. angle: degrees to the nearest camera; shared: "
       "% of its view that another\n  camera sees too; seen: % of all places "
       "that it sees; off: pixels from COLMAP's\n  features to its points; fit: "
       "pixels from matches with other cameras to where poses\n  and lenses put "
       "them; stops: exposure against the others; colour: median\n  difference "
       "after that, of 255; late: frames behind the others, from motion. A\n  "
       "dash: too little is seen to know\n" },
-    { "to_mind", NULL, "\nneeds attention:\n" },
-    { "!to_mind", NULL, "\nnothing needs attention\n" },
-    { "", "to_mind", "  - {}\n" },
-    { "", NULL, "\nestimates from the files measured in docs/results/rd.md "
+    { "warnings", NULL, "\nneeds attention:\n" },
+    { "!warnings", NULL, "\nnothing needs attention\n" },
+    { "", "warnings", "  - {}\n" },
+    { "", NULL,
+      "\nestimates from the files measured in docs/results/rd.md "
       "(PSNR is known only\nafter training):\n" },
-    { "", "forecast", "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
+    { "", "forecast",
+      "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
       "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
-    { "n_wanted>0", "forecast", "    level {level} has room for no more of the "
+    { "n_wanted>0", "forecast",
+      "    level {level} has room for no more of the "
       "{n_wanted:%.0f} primitives that suit the capture\n" },
-    { "scale>1", "forecast", "    with pictures reduced to 1/{scale} of their "
+    { "scale>1", "forecast",
+      "    with pictures reduced to 1/{scale} of their "
       "size, to save time\n" },
-    { "n_teachers>0", "forecast", "    with {n_teachers} teachers: extra "
+    { "n_teachers>0", "forecast",
+      "    with {n_teachers} teachers: extra "
       "models for views between distant cameras\n" },
-    { "/n_segments>1", NULL, "  in {/n_segments} segments, each with these "
+    { "/n_segments>1", NULL,
+      "  in {/n_segments} segments, each with these "
       "numbers, which a base may reduce\n" }
 };
 
@@ -199,7 +209,7 @@ static bool load(saga_capture *c, const char *name, const options *o,
 
 static int check(const char *name, const options *o)
 {
-    const saga_telling how = { o->json, 10, name };
+    const saga_print_style how = { o->json, 10, name };
     saga_error error = { "" }, no_overlap = { "" };
     saga_survey survey = { .views = NULL };
     saga_capture c;
@@ -209,8 +219,9 @@ static int check(const char *name, const options *o)
      * line. */
     if (!load(&c, name, o, &no_overlap, &error))
         return saga_cli_error(saga_path_is_folder(name) ||
-                              saga_path_is_file(name) ? SAGA_EXIT_DATA
-                                                      : SAGA_EXIT_USAGE,
+                                      saga_path_is_file(name)
+                                  ? SAGA_EXIT_DATA
+                                  : SAGA_EXIT_USAGE,
                               "check: %s", error.message);
     /* A missing overlap is an error only if no mistake in the poses explains
      * it. */
@@ -222,14 +233,14 @@ static int check(const char *name, const options *o)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
                                 no_overlap.message);
     else
-        status = saga_cli_tell(report_of(&survey, &c, name), &how,
-                               SAGA_LINES(text));
+        status = saga_cli_print_report(report_of(&survey, &c, name), &how,
+                                       SAGA_LINES(text));
     saga_survey_free(&survey);
     saga_capture_free(&c);
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_check(int argc, char **argv)
 {
     options o = { .capture = SAGA_CAPTURE_CHOICE };
     const char *name;
@@ -244,12 +255,16 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     { "--html", "FILE",
       "write the report as a page, with thumbnails and a plan of\n"
-      "the cameras", saga_cli_text, offsetof(options, html), 0, 0 },
+      "the cameras",
+      saga_cli_text, offsetof(options, html), 0, 0 },
     { "--fix", "FILE",
       "write a transforms.json in which the mistakes that were\n"
-      "found are corrected", saga_cli_text, offsetof(options, fix), 0, 0 },
-    { "--json", NULL, "print the report as JSON; null stands for an unknown\n"
-      "value", saga_cli_flag, offsetof(options, json), 0, 0 },
+      "found are corrected",
+      saga_cli_text, offsetof(options, fix), 0, 0 },
+    { "--json", NULL,
+      "print the report as JSON; null stands for an unknown\n"
+      "value",
+      saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet),
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
@@ -261,7 +276,9 @@ static void print_layouts(void)
 }
 
 const saga_command saga_command_check = {
-    "check", "CAPTURE", 1,
+    "check",
+    "CAPTURE",
+    1,
     "finds mistakes in a capture, before training",
     "Loads a capture as `saga encode` does, and reports about each camera the\n"
     "distance to the nearest camera, how much both see of the same, how well\n"
@@ -284,6 +301,8 @@ const saga_command saga_command_check = {
     "\n"
     "A capture is a folder in one of these layouts, with pictures in PNG,\n"
     "JPEG, WebP, TIFF or EXR:\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run,
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_check,
     print_layouts
 };

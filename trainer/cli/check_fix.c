@@ -15,12 +15,15 @@
 /* The keys that describe a lens. They stand in an entry or, if all cameras
  * share the lens, at the top of the file. */
 static const char *const lens_keys[] = {
-    "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2",
-    "camera_angle_x", "camera_model"
+    "fl_x", "fl_y",           "cx",          "cy", "k1", "k2", "k3", "k4", "p1",
+    "p2",   "camera_angle_x", "camera_model"
 };
-enum { N_FOCAL = 2, N_CENTRE = 4 };   /* numbers of keys that m->focal
-                                       * multiplies: focal lengths alone; with
-                                       * the centre */
+enum {
+    N_FOCAL = 2,
+    N_CENTRE = 4
+}; /* numbers of keys that m->focal
+    * multiplies: focal lengths alone; with
+    * the centre */
 
 /* --- Cameras ------------------------------------------------------------- */
 
@@ -33,8 +36,8 @@ static bool pose_of(const json_t *entry, double rotation[9],
     double rows[12];
 
     for (size_t i = 0; i < 12; i++)
-        rows[i] = json_number_value(json_array_get(json_array_get(m, i / 4),
-                                                   i % 4));
+        rows[i] = json_number_value(
+            json_array_get(json_array_get(m, i / 4), i % 4));
     return saga_pose_from_opengl(rows, rotation, translation);
 }
 
@@ -48,8 +51,8 @@ static int view_of(const json_t *entry, const saga_capture *c)
         return -1;
     for (int v = 0; v < c->n_views; v++)
         if (memcmp(c->views[v].rotation, rotation, sizeof rotation) == 0 &&
-            memcmp(c->views[v].translation, translation,
-                   sizeof translation) == 0)
+            memcmp(c->views[v].translation, translation, sizeof translation) ==
+                0)
             return v;
     return -1;
 }
@@ -65,8 +68,9 @@ static json_t *matrix_of(const double rotation[9], const double translation[3])
 
         for (int k = 0; k < 4; k++) {
             const double sign = k == 1 || k == 2 ? -1 : 1;
-            const double x = i == 3 ? (k == 3)
-                           : k == 3 ? centre[i] : sign * rotation[3 * k + i];
+            const double x = i == 3   ? (k == 3)
+                             : k == 3 ? centre[i]
+                                      : sign * rotation[3 * k + i];
 
             saga_json_append_item(row, json_real(x));
         }
@@ -93,8 +97,9 @@ static void scale_lens(json_t *object, const saga_mistake *m)
     }
     /* The picture's width is 2 f tan(angle / 2). */
     if (angle)
-        saga_json_set_value(object, "camera_angle_x", json_real(
-            2 * atan(tan(json_number_value(angle) / 2) / m->focal)));
+        saga_json_set_value(
+            object, "camera_angle_x",
+            json_real(2 * atan(tan(json_number_value(angle) / 2) / m->focal)));
 }
 
 /* Corrects the pose and the lens of every entry. */
@@ -123,19 +128,21 @@ static void exchange(json_t *frames, const saga_mistake *m,
      * view's entries receive. */
     for (size_t i = 0; i < json_array_size(before); i++)
         for (int k = 0; k < 2; k++)
-            if (!first[k] && view_of(json_array_get(before, i), c) ==
-                                 m->swapped[k])
+            if (!first[k] &&
+                view_of(json_array_get(before, i), c) == m->swapped[k])
                 first[k] = json_array_get(before, i);
     for (size_t i = 0; i < json_array_size(before); i++) {
         json_t *const entry = json_array_get(frames, i);
         const int v = view_of(entry, c);
-        const json_t *const other = v == m->swapped[0] ? first[1]
-                                  : v == m->swapped[1] ? first[0] : NULL;
+        const json_t *const other = v == m->swapped[0]   ? first[1]
+                                    : v == m->swapped[1] ? first[0]
+                                                         : NULL;
 
         if (v < 0 || !other)
             continue;
-        saga_json_set_value(entry, "transform_matrix", json_deep_copy(
-            json_object_get(other, "transform_matrix")));
+        saga_json_set_value(
+            entry, "transform_matrix",
+            json_deep_copy(json_object_get(other, "transform_matrix")));
         /* If the lens stands at the top of the file, the entries have none of
          * these keys. */
         for (size_t k = 0; k < sizeof lens_keys / sizeof *lens_keys; k++) {
@@ -165,10 +172,11 @@ static double length_of(const json_t *entry, const json_t *root,
 /* Writes the lens of a refined camera into an entry. The pinhole of the loaded
  * pictures has the lens' centre; both focal lengths change alike. */
 static void refine_lens(json_t *entry, const json_t *root,
-                        const saga_shot *shot, const saga_pinhole *refined)
+                        const saga_source_view *view,
+                        const saga_pinhole *refined)
 {
-    const double width = shot->original_width, height = shot->original_height;
-    const double was[4] = { shot->fx, shot->fy, shot->cx, shot->cy };
+    const double width = view->original_width, height = view->original_height;
+    const double was[4] = { view->fx, view->fy, view->cx, view->cy };
     const json_t *const own = json_object_get(entry, "camera_angle_x");
     const double angle = json_number_value(
         own ? own : json_object_get(root, "camera_angle_x"));
@@ -198,9 +206,9 @@ static void refine_entries(json_t *root, const saga_refinement *r,
         if (v < 0)
             continue;
         refine_lens(entry, root, &c->views[v], &r->cameras[v]);
-        saga_json_set_value(entry, "transform_matrix",
-                            matrix_of(r->cameras[v].rotation,
-                                      r->cameras[v].translation));
+        saga_json_set_value(
+            entry, "transform_matrix",
+            matrix_of(r->cameras[v].rotation, r->cameras[v].translation));
     }
 }
 
@@ -238,7 +246,8 @@ static bool check_place(const char *path, const char *json, saga_error *error)
     if (ok) {
         ok = is_same(folder, there) && !is_same(path, json);
         if (!ok)
-            saga_fail(error, path, NULL, "the paths of the pictures are "
+            saga_fail(error, path, NULL,
+                      "the paths of the pictures are "
                       "relative to the capture's folder, so that the file "
                       "must lie there under a new name; give --fix %s%s",
                       folder, "transforms-fixed.json");
@@ -256,7 +265,8 @@ static bool write_json(const char *path, const json_t *root, saga_error *error)
     if (!saga_output_open(&out, path, error))
         return false;
     ok = json_dumpf(root, out.file, JSON_INDENT(1) | JSON_REAL_PRECISION(17)) ==
-             0 || saga_fail_errno(error, path, NULL, "cannot be written");
+             0 ||
+         saga_fail_errno(error, path, NULL, "cannot be written");
     return saga_output_close(&out, ok, error);
 }
 
@@ -267,14 +277,16 @@ bool saga_check_fix(const char *path, const char *name,
     const saga_calibration *const fit = &survey->calibration;
     const saga_mistake *const m = &fit->mistake;
     char *const json = saga_path_is_folder(name)
-        ? saga_path_join(name, "transforms.json", error)
-        : saga_string_copy(name, error);
+                           ? saga_path_join(name, "transforms.json", error)
+                           : saga_string_copy(name, error);
     json_t *root = NULL;
-    bool ok = json && (saga_path_is_file(json) ||
-                       saga_fail(error, name, "correct the cameras in the "
-                                 "program that made them",
-                                 "--fix works only for captures "
-                                 "with a transforms.json")) &&
+    bool ok = json &&
+              (saga_path_is_file(json) ||
+               saga_fail(error, name,
+                         "correct the cameras in the "
+                         "program that made them",
+                         "--fix works only for captures "
+                         "with a transforms.json")) &&
               check_place(path, json, error);
 
     /* If there is nothing to correct, nothing is read or written. */
@@ -300,8 +312,8 @@ bool saga_check_fix(const char *path, const char *name,
                 turn_entries(frames, m);
         }
         ok = !saga_json_starved() && !saga_json_lost()
-            ? write_json(path, root, error)
-            : saga_no_memory(0, path, error);
+                 ? write_json(path, root, error)
+                 : saga_no_memory(0, path, error);
     }
     json_decref(root);
     free(json);

@@ -20,7 +20,8 @@ enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
 /* Returns the capture with the sizes of pictures divided by n, which is all
  * that the plan reads. `view` holds its views and must outlive it. */
-static saga_capture smaller(const saga_capture *c, saga_shot *view, int n)
+static saga_capture smaller(const saga_capture *c, saga_source_view *view,
+                            int n)
 {
     saga_capture s = *c;
 
@@ -47,7 +48,7 @@ static int teachers_of(const saga_capture *c, const saga_preset *preset)
     if (n == 0 || !saga_pictures_init(&pictures, c, &error))
         return 0;
     if (saga_novel_init(&novel, &pictures, &error)) {
-        apart = novel.n_shots > 0;
+        apart = novel.n_views > 0;
         saga_novel_free(&novel);
     }
     saga_pictures_free(&pictures);
@@ -57,7 +58,7 @@ static int teachers_of(const saga_capture *c, const saga_preset *preset)
 /* Fills f for one preset. All segments are assumed to be like the first. If the
  * user gave a scale, the capture has it already, so it is not changed. */
 static void forecast(saga_forecast *f, const saga_capture *c,
-                     const saga_preset *preset, saga_shot *view)
+                     const saga_preset *preset, saga_source_view *view)
 {
     saga_train_options o = saga_train_defaults();
     saga_plan_reasons why;
@@ -84,8 +85,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers, c) *
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
-                     (double)f->n_segments * f->n_iterations,
-                     c->n_frames == 1);
+                     (double)f->n_segments * f->n_iterations, c->n_frames == 1);
     f->least_kb = least / 1000;
     f->most_kb = most / 1000;
 }
@@ -93,8 +93,9 @@ static void forecast(saga_forecast *f, const saga_capture *c,
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
     const saga_preset *const preset = saga_preset_at(index);
-    saga_shot *const view = preset
-        ? calloc((size_t)capture->n_views, sizeof *view) : NULL;
+    saga_source_view *const view = preset ? calloc((size_t)capture->n_views,
+                                                   sizeof *view)
+                                          : NULL;
 
     if (view)
         forecast(f, capture, preset, view);
@@ -138,7 +139,7 @@ static void put_notes(FILE *to, const char *begin, const char *notes)
 static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
                        saga_error *error)
 {
-    const saga_shot *const s = &c->views[view];
+    const saga_source_view *const s = &c->views[view];
     const int n = (s->width + THUMB - 1) / THUMB;
     const uint8_t *const from = saga_capture_frame(c, view, 0);
     uint8_t *to;
@@ -171,8 +172,10 @@ static bool put_thumbnail(FILE *to, const saga_capture *c, int view,
     if (rgb && saga_jpeg_encode(&jpeg, &n, w, h, rgb, error))
         url = saga_base64("data:image/jpeg;base64,", jpeg, n, error);
     if (url) {
-        fprintf(to, "<figure><img width=%d height=%d alt='' src='%s'>"
-                "<figcaption>", w, h, url);
+        fprintf(to,
+                "<figure><img width=%d height=%d alt='' src='%s'>"
+                "<figcaption>",
+                w, h, url);
         put_escaped(to, c->views[view].name);
         fputs("</figcaption></figure>\n", to);
     }
@@ -270,10 +273,12 @@ static void put_plan(FILE *to, const saga_capture *c)
         for (int k = 0; k < 3; k++)
             x[k] += 25 / p.scale * c->views[v].rotation[6 + k];
         (void)on_plan(&p, x, ahead);
-        fprintf(to, "<path d='M%.1f %.1fL%.1f %.1f' stroke=%s /><circle "
-                "cx=%.1f cy=%.1f r=3 fill=%s><title>", xy[0], xy[1], ahead[0],
-                ahead[1], c->views[v].held_out ? "orange" : "teal", xy[0],
-                xy[1], c->views[v].held_out ? "orange" : "teal");
+        fprintf(to,
+                "<path d='M%.1f %.1fL%.1f %.1f' stroke=%s /><circle "
+                "cx=%.1f cy=%.1f r=3 fill=%s><title>",
+                xy[0], xy[1], ahead[0], ahead[1],
+                c->views[v].held_out ? "orange" : "teal", xy[0], xy[1],
+                c->views[v].held_out ? "orange" : "teal");
         put_escaped(to, c->views[v].name);
         fputs("</title></circle>\n", to);
     }
@@ -295,30 +300,32 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
 {
     fputs("<table><tr><th>camera<th>size<th>angle, degrees<th>shared, %<th>"
           "seen, %<th>off, px<th>fit, px<th>exposure, "
-          "stops<th>colour, of 255<th>late, frames<th>missing\n", to);
+          "stops<th>colour, of 255<th>late, frames<th>missing\n",
+          to);
     for (int v = 0; v < c->n_views; v++) {
         const saga_survey_view *const one = &s->views[v];
-        const saga_shot *const shot = &c->views[v];
+        const saga_source_view *const view = &c->views[v];
 
         /* A row has the camera, then its measurements in the order of the
          * heading; "-" stands for an unknown value. */
         fputs("<tr><td>", to);
-        put_escaped(to, shot->name);
-        fprintf(to, "%s<td>%d x %d", shot->held_out ? " (held out)" : "",
-                shot->width, shot->height);
+        put_escaped(to, view->name);
+        fprintf(to, "%s<td>%d x %d", view->held_out ? " (held out)" : "",
+                view->width, view->height);
         put_cell(to, "%.1f", one->angle);
         put_cell(to, "%.0f", 100 * one->overlap);
         put_cell(to, "%.0f", 100 * one->seen);
-        put_cell(to, "%.2f", shot->n_observations ? shot->reprojection_median
-                                                  : (double)NAN);
+        put_cell(to, "%.2f",
+                 view->n_observations ? view->reprojection_median
+                                      : (double)NAN);
         put_cell(to, "%.2f", s->calibration.off[v]);
         put_cell(to, "%+.2f", one->stops);
         put_cell(to, "%.1f", one->colour);
-        put_cell(to, "%.1f", fabs(one->late.frames) < 0.05
-                                 ? 0.0 : one->late.frames);
+        put_cell(to, "%.1f",
+                 fabs(one->late.frames) < 0.05 ? 0.0 : one->late.frames);
         if (!isnan(one->late.frames))
             fprintf(to, " &plusmn; %.1f", one->late.tolerance);
-        put_cell(to, "%.0f\n", shot->n_missing);
+        put_cell(to, "%.0f\n", view->n_missing);
     }
     fputs("</table>\n", to);
 }
@@ -336,27 +343,30 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     fputs("</title><style>body{font:15px sans-serif;margin:2em auto;max-width:"
           "70em}td,th{padding:.2em .7em;text-align:right;border-bottom:1px "
           "solid #ddd}figure{display:inline-block;margin:.3em}path{stroke-"
-          "width:1.5}svg{background:#f4f4f4}</style>\n<h1>", to);
+          "width:1.5}svg{background:#f4f4f4}</style>\n<h1>",
+          to);
     put_escaped(to, name);
-    fprintf(to, "</h1><p>%s, %d camera%s, %d frame%s at %g per second, %zu "
-            "points.<h2>Needs attention</h2><ul>", c->format, c->n_views,
-            c->n_views == 1 ? "" : "s", c->n_frames,
+    fprintf(to,
+            "</h1><p>%s, %d camera%s, %d frame%s at %g per second, %zu "
+            "points.<h2>Needs attention</h2><ul>",
+            c->format, c->n_views, c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     /* Names and notes come from the capture's files, so they are escaped. */
     put_notes(to, "<li>", s->notes);
-    fprintf(to, "%s</ul><h2>Cameras</h2>\n",
-            s->notes[0] ? "" : "<li>Nothing.");
+    fprintf(to, "%s</ul><h2>Cameras</h2>\n", s->notes[0] ? "" : "<li>Nothing.");
     put_plan(to, c);
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
     /* The forecast has a row for each preset. */
-    fprintf(to, "<h2>Estimates</h2><p>From the files measured in "
+    fprintf(to,
+            "<h2>Estimates</h2><p>From the files measured in "
             "docs/results/rd.md; PSNR is known only after training. Segments: "
             "%d, each with these numbers of primitives and iterations.<table>",
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
+        fprintf(to,
+                "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
                 "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d<td>"
                 "%d teachers<td>%s\n",
                 f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
@@ -376,6 +386,6 @@ bool saga_check_page(const char *path, const char *name,
 
     if (!saga_output_open(&out, path, error))
         return false;
-    return saga_output_close(&out, put_page(out.file, name, survey, capture,
-                                            error), error);
+    return saga_output_close(
+        &out, put_page(out.file, name, survey, capture, error), error);
 }

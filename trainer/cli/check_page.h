@@ -15,10 +15,10 @@ typedef struct saga_forecast {
     int scale; /* a still's pictures are used at 1/scale of their size */
     int n_primitives, n_iterations; /* numbers for each segment */
     int level;
-    double n_wanted;          /* primitives that suit the capture, if the level
-                               * has no room for them; otherwise 0 */
-    int n_teachers; /* trained before the warm-up; counted in `minutes` only */
-    double minutes;           /* CPU time for all segments */
+    double n_wanted; /* primitives that suit the capture, if the level
+                      * has no room for them; otherwise 0 */
+    int n_teachers;  /* trained before the warm-up; counted in `minutes` only */
+    double minutes;  /* CPU time for all segments */
     double least_kb, most_kb;
 } saga_forecast;
 

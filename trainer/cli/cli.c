@@ -20,8 +20,7 @@
 /* Room for the longest line: a note of a capture may have 4,096 bytes. */
 enum { MOST_LINE = 8192 };
 
-static void print(FILE *to, const char *begin, const char *format,
-                  va_list args)
+static void print(FILE *to, const char *begin, const char *format, va_list args)
 {
     char text[MOST_LINE], shown[sizeof text];
 
@@ -63,8 +62,7 @@ void saga_cli_catch_signals(void (*handler)(int number))
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         struct sigaction old;
 
-        if (sigaction(numbers[i], NULL, &old) == 0 &&
-            old.sa_handler != SIG_IGN)
+        if (sigaction(numbers[i], NULL, &old) == 0 && old.sa_handler != SIG_IGN)
             sigaction(numbers[i], &action, NULL);
     }
 }
@@ -262,8 +260,7 @@ static bool could_mean(const char *name, const char *known, int d)
 {
     const size_t n = strlen(name);
 
-    return (n >= 2 && !strncmp(name, known, n)) ||
-           2 * d < (int)strlen(known);
+    return (n >= 2 && !strncmp(name, known, n)) || 2 * d < (int)strlen(known);
 }
 
 const char *saga_cli_nearest(const char *name, const void *names, size_t n,
@@ -303,10 +300,11 @@ static int unknown_option(const saga_command *c, const char *name)
     const char *const near = saga_cli_nearest(
         name, &c->options[0].name, (size_t)c->n_options, sizeof c->options[0]);
 
-    return saga_cli_error(SAGA_EXIT_USAGE, "%s: unknown option '%s'%s%s%s; "
-                          "`saga help %s --all` lists them", c->name, name,
-                          near ? ", did you mean '" : "", near ? near : "",
-                          near ? "'" : "", c->name);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "%s: unknown option '%s'%s%s%s; "
+                          "`saga help %s --all` lists them",
+                          c->name, name, near ? ", did you mean '" : "",
+                          near ? near : "", near ? "'" : "", c->name);
 }
 
 static int wrong_value(const saga_command *c, const saga_cli_option *o,
@@ -316,9 +314,10 @@ static int wrong_value(const saga_command *c, const saga_cli_option *o,
 
     if (o->max > o->min)
         snprintf(range, sizeof range, ", %ld to %ld", o->min, o->max);
-    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes %s%s, not '%s'; see "
-                          "`saga help %s --all`", c->name, o->name,
-                          o->value, range, value, c->name);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "%s: %s takes %s%s, not '%s'; see "
+                          "`saga help %s --all`",
+                          c->name, o->name, o->value, range, value, c->name);
 }
 
 /* Reads the option at argv[*i] and its value; *i moves to the value if it is an
@@ -336,8 +335,8 @@ static int take_option(const saga_command *c, void *values, int argc,
     if (!o)
         return unknown_option(c, name);
     if (!o->value && equals)
-        return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes no value",
-                              c->name, o->name);
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes no value", c->name,
+                              o->name);
     if (o->value && !value) {
         if (*i + 1 == argc)
             return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s needs a value, %s",
@@ -349,8 +348,10 @@ static int take_option(const saga_command *c, void *values, int argc,
     if (!strcmp(o->name, "-o")) {
         memcpy(&before, (const char *)values + o->offset, sizeof before);
         if (before)
-            return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o is given twice, %s "
-                                  "and %s", c->name, before, value);
+            return saga_cli_error(SAGA_EXIT_USAGE,
+                                  "%s: -o is given twice, %s "
+                                  "and %s",
+                                  c->name, before, value);
     }
     if (!o->read((char *)values + o->offset, value, o))
         return wrong_value(c, o, value);
@@ -359,14 +360,17 @@ static int take_option(const saga_command *c, void *values, int argc,
 
 static int wrong_count(const saga_command *c, int n)
 {
-    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s; usage: saga %s %s "
-                          "[options]", c->name, n > c->n_arguments ?
-                          "there are too many arguments" :
-                          "an argument is missing", c->name, c->arguments);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "%s: %s; usage: saga %s %s "
+                          "[options]",
+                          c->name,
+                          n > c->n_arguments ? "there are too many arguments"
+                                             : "an argument is missing",
+                          c->name, c->arguments);
 }
 
-int saga_cli_parse(const saga_command *c, void *values,
-                   const char **arguments, int argc, char **argv)
+int saga_cli_parse(const saga_command *c, void *values, const char **arguments,
+                   int argc, char **argv)
 {
     const int most = strstr(c->arguments, "...") ? SAGA_CLI_MOST_ARGUMENTS
                                                  : c->n_arguments;
@@ -377,8 +381,7 @@ int saga_cli_parse(const saga_command *c, void *values,
     for (int i = 1; i < argc; i++) {
         int status = SAGA_CLI_GO_ON;
 
-        if (options && (!strcmp(argv[i], "--help") ||
-                        !strcmp(argv[i], "-h"))) {
+        if (options && (!strcmp(argv[i], "--help") || !strcmp(argv[i], "-h"))) {
             saga_cli_help(c, i + 1 < argc && !strcmp(argv[i + 1], "--all"));
             return SAGA_EXIT_OK;
         }
@@ -479,8 +482,11 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
     if (!m->started) {
         /* A terminal gets the first line at once, as if the last one was a
          * minute ago. */
-        *m = (saga_meter){ .started = true, .start = now, .shown = now - 60.0,
-                           .from = done, .terminal = isatty(STDERR_FILENO) };
+        *m = (saga_meter){ .started = true,
+                           .start = now,
+                           .shown = now - 60.0,
+                           .from = done,
+                           .terminal = isatty(STDERR_FILENO) };
         if (!m->terminal) /* a short run needs no line in a log */
             m->shown = now;
     }
@@ -491,8 +497,8 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
     /* The speed is measured from the start of this run, since the part before a
      * resumed run's start took no time. */
     if (done > m->from)
-        time_text(left, sizeof left, (now - m->start) * (1.0 - done) /
-                  (done - m->from));
+        time_text(left, sizeof left,
+                  (now - m->start) * (1.0 - done) / (done - m->from));
     n = fprintf(stderr, "%s%3.0f %%  %s  %s%s", m->terminal ? "\r" : "",
                 100.0 * done, doing, left, done > m->from ? " left" : "");
     /* On a terminal, blanks cover the rest of a longer line. */

@@ -22,11 +22,11 @@
 /* The exit statuses of every subcommand. */
 enum {
     SAGA_EXIT_OK = 0,
-    SAGA_EXIT_DATA = 1,     /* the contents of a file are invalid */
-    SAGA_EXIT_USAGE = 2,    /* a mistake in the command line, or a file cannot
-                             * be read or written */
-    SAGA_CLI_GO_ON = -1 /* saga_cli_parse returns it if the command is to be
-                         * run */
+    SAGA_EXIT_DATA = 1,  /* the contents of a file are invalid */
+    SAGA_EXIT_USAGE = 2, /* a mistake in the command line, or a file cannot
+                          * be read or written */
+    SAGA_CLI_GO_ON = -1  /* saga_cli_parse returns it if the command is to be
+                          * run */
 };
 
 /* --- Commands and options ------------------------------------------------ */
@@ -50,18 +50,21 @@ struct saga_cli_option {
 
 /* A row of a table of options: those after it are for few users, and the help
  * lists them only with --all. */
-#define SAGA_CLI_MORE { "", NULL, NULL, NULL, 0, 0, 0 }
+#define SAGA_CLI_MORE                 \
+    {                                 \
+        "", NULL, NULL, NULL, 0, 0, 0 \
+    }
 
 /* The largest number of arguments if the last may be repeated. */
 enum { SAGA_CLI_MOST_ARGUMENTS = 1024 };
 
 typedef struct saga_command {
     const char *name;
-    const char *arguments;  /* "FILE CAPTURE", for the usage line; "..." at the
-                             * end: the last argument may be repeated */
-    int n_arguments;        /* number of arguments that must be given */
-    const char *summary;    /* one line, for the list of commands */
-    const char *text;       /* describes the command; lines */
+    const char *arguments; /* "FILE CAPTURE", for the usage line; "..." at the
+                            * end: the last argument may be repeated */
+    int n_arguments;       /* number of arguments that must be given */
+    const char *summary;   /* one line, for the list of commands */
+    const char *text;      /* describes the command; lines */
     const saga_cli_option *options;
     int n_options;
     int (*run)(int argc, char **argv); /* argv[0] is the command's name */
@@ -70,17 +73,17 @@ typedef struct saga_command {
 
 /* Readers of values; the comment after each says what it stores at the option's
  * offset. */
-saga_cli_read_fn saga_cli_flag;  /* bool; text is NULL */
-saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
-saga_cli_read_fn saga_cli_names; /* const char *; empty for none */
-saga_cli_read_fn saga_cli_int;   /* int, min..max */
-saga_cli_read_fn saga_cli_real;  /* double, finite */
+saga_cli_read_fn saga_cli_flag;   /* bool; text is NULL */
+saga_cli_read_fn saga_cli_text;   /* const char *; not empty */
+saga_cli_read_fn saga_cli_names;  /* const char *; empty for none */
+saga_cli_read_fn saga_cli_int;    /* int, min..max */
+saga_cli_read_fn saga_cli_real;   /* double, finite */
 saga_cli_read_fn saga_cli_nbytes; /* double; "150k" is 150,000, "1.2M"
                                    * 1,200,000 */
-saga_cli_read_fn saga_cli_scale; /* int N of "1/N" or "N", min..max */
-saga_cli_read_fn saga_cli_size;  /* saga_cli_pair of "WxH", each min..max */
-saga_cli_read_fn saga_cli_range; /* saga_cli_pair of "A:B", A < B, min..max; a
-                                  * missing end keeps its default */
+saga_cli_read_fn saga_cli_scale;  /* int N of "1/N" or "N", min..max */
+saga_cli_read_fn saga_cli_size;   /* saga_cli_pair of "WxH", each min..max */
+saga_cli_read_fn saga_cli_range;  /* saga_cli_pair of "A:B", A < B, min..max; a
+                                   * missing end keeps its default */
 saga_cli_read_fn saga_cli_fraction; /* saga_cli_pair of "N" or "N/D", N within
                                      * min..max, D >= 1 */
 
@@ -93,8 +96,8 @@ typedef struct saga_cli_pair {
  * given. Options may stand anywhere, also as --name=value; "--" ends them.
  * Returns SAGA_CLI_GO_ON or an exit status: 0 after --help [--all],
  * SAGA_EXIT_USAGE after a mistake, which has been reported on stderr. */
-int saga_cli_parse(const saga_command *c, void *values,
-                   const char **arguments, int argc, char **argv);
+int saga_cli_parse(const saga_command *c, void *values, const char **arguments,
+                   int argc, char **argv);
 
 /* Prints the help of one command on stdout, with all of its options or without
  * those after SAGA_CLI_MORE. */
@@ -143,8 +146,8 @@ typedef struct saga_meter {
     bool quiet;
     bool started, terminal;
     double start, shown; /* seconds: when it began and when it was last shown */
-    double from;            /* the value of `done` at the start */
-    int width; /* length of the line on the terminal, in characters */
+    double from;         /* the value of `done` at the start */
+    int width;           /* length of the line on the terminal, in characters */
 } saga_meter;
 
 /* Shows progress: `done` runs to 1 from 0, or from what an earlier run has
@@ -159,8 +162,10 @@ bool saga_meter_progress(void *user, double done, const char *doing);
 void saga_meter_end(saga_meter *m);
 
 /* The option of every command that has a meter, and the bool that it sets. */
-#define SAGA_CLI_QUIET(type, field) \
-    { "--quiet", NULL, "show no progress; messages are still printed", \
-      saga_cli_flag, offsetof(type, field), 0, 0 }
+#define SAGA_CLI_QUIET(type, field)                                      \
+    {                                                                    \
+        "--quiet", NULL, "show no progress; messages are still printed", \
+            saga_cli_flag, offsetof(type, field), 0, 0                   \
+    }
 
 #endif

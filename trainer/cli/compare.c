@@ -24,11 +24,14 @@ typedef struct {
 /* --- Two results --------------------------------------------------------- */
 
 static const saga_line pair_text[] = {
-    { "", NULL, "{file} against {anchor}\n\nmetric       views                "
+    { "", NULL,
+      "{file} against {anchor}\n\nmetric       views                "
       "A            B        B - A\n" },
-    { "/bytes", NULL, "bytes                  {/bytes.a:%12.0f} "
+    { "/bytes", NULL,
+      "bytes                  {/bytes.a:%12.0f} "
       "{/bytes.b:%12.0f} {/bytes.more:%+10.2f} %\n" },
-    { "", "/rows", "{label:%-12s} {set:%-9s} {a:%12.5f} {b:%12.5f} "
+    { "", "/rows",
+      "{label:%-12s} {set:%-9s} {a:%12.5f} {b:%12.5f} "
       "{more:%+12.5f}\n" }
 };
 
@@ -63,21 +66,25 @@ static void put_pair(json_t *o, const session *s)
     saga_put(o, "difference", all);
     saga_put(o, "/rows", rows);
     if (na > 0.0 && nb > 0.0)
-        saga_put(o, "/bytes", json_pack("{sfsfsf}", "a", na, "b", nb, "more",
-                                        100.0 * (nb / na - 1.0)));
+        saga_put(o, "/bytes",
+                 json_pack("{sfsfsf}", "a", na, "b", nb, "more",
+                           100.0 * (nb / na - 1.0)));
 }
 
 /* --- Two curves ---------------------------------------------------------- */
 
 static const saga_line curve_text[] = {
-    { "", NULL, "{file} ({/n.b} results) against {anchor} ({/n.a}): bytes at "
+    { "", NULL,
+      "{file} ({/n.b} results) against {anchor} ({/n.a}): bytes at "
       "equal quality\n\nmetric       views       overlap      from        to "
       "    PCHIP     Akima\n" },
     { "", "/rows", "{label:%-12s} {set:%-9s} " },
     { "bd.refused", "/rows", "        -  {bd.refused}\n" },
-    { "!bd.refused", "/rows", "{bd.overlap*100:%7.0f} % {bd.range.0:%9.4f} "
+    { "!bd.refused", "/rows",
+      "{bd.overlap*100:%7.0f} % {bd.range.0:%9.4f} "
       "{bd.range.1:%9.4f} {bd.pchip:%+7.2f} % {bd.akima:%+7.2f} %\n" },
-    { "", NULL, "\nBD-rate: the mean difference of log bytes over quality; "
+    { "", NULL,
+      "\nBD-rate: the mean difference of log bytes over quality; "
       "where PCHIP and\nAkima differ much, the points are too few.\n" }
 };
 
@@ -93,9 +100,9 @@ static void put_curves(json_t *o, const session *s)
             json_t *const one = json_object_get(set, m->key);
 
             if (one)
-                saga_put_item(rows, json_pack("{sssssO}", "label", m->label,
-                                              "set", saga_set_keys[i], "bd",
-                                              one));
+                saga_put_item(rows,
+                              json_pack("{sssssO}", "label", m->label, "set",
+                                        saga_set_keys[i], "bd", one));
         }
     saga_put(o, "bd_rate", bd);
     saga_put(o, "/rows", rows);
@@ -106,16 +113,16 @@ static void put_curves(json_t *o, const session *s)
 
 static int tell(const session *s, bool json)
 {
-    const saga_telling how = { json, 9, s->b.path };
+    const saga_print_style how = { json, 9, s->b.path };
     json_t *const o = saga_cli_json_head("compare", s->b.path);
 
     saga_put_text(o, "anchor", s->a.path);
     if (s->a.n > 1 || s->b.n > 1) {
         put_curves(o, s);
-        return saga_cli_tell(o, &how, SAGA_LINES(curve_text));
+        return saga_cli_print_report(o, &how, SAGA_LINES(curve_text));
     }
     put_pair(o, s);
-    return saga_cli_tell(o, &how, SAGA_LINES(pair_text));
+    return saga_cli_print_report(o, &how, SAGA_LINES(pair_text));
 }
 
 static int load(session *s, saga_results *r, const char *path)
@@ -133,15 +140,15 @@ static int judge(session *s, const options *o)
                                                     s->b.result[0]);
 
     if (differs)
-        return saga_cli_error(SAGA_EXIT_DATA, "compare: the %s of %s and %s "
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "compare: the %s of %s and %s "
                               "differ, so that they cannot be compared; "
-                              "evaluate both with the same options", differs,
-                              s->a.path,
-                              s->b.path);
+                              "evaluate both with the same options",
+                              differs, s->a.path, s->b.path);
     return tell(s, o->json);
 }
 
-static int run(int argc, char **argv)
+static int run_compare(int argc, char **argv)
 {
     options o = { false };
     const char *names[2];
@@ -166,7 +173,9 @@ static const saga_cli_option option_list[] = {
 };
 
 const saga_command saga_command_compare = {
-    "compare", "A.json B.json", 2,
+    "compare",
+    "A.json B.json",
+    2,
     "compares two results of eval, or two curves",
     "Reads two results of `saga eval --json` and prints the difference of\n"
     "each metric. If each file holds several results of one capture at\n"
@@ -177,5 +186,8 @@ const saga_command saga_command_compare = {
     "quality that grows with the bytes, and an overlap of at least a quarter\n"
     "of the wider range. Results of different frames, cameras or scales are\n"
     "refused.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_compare,
+    NULL
 };

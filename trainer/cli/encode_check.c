@@ -19,8 +19,8 @@
 typedef struct {
     double sum[2], even[2], agree[2]; /* sums of PSNR in dB; index 1: held-out
                                        * views, index 0: the others */
-    int n[2], n_agree[2];    /* numbers of pictures in these sums */
-    bool has_float;          /* the segment's float model is in memory */
+    int n[2], n_agree[2];             /* numbers of pictures in these sums */
+    bool has_float; /* the segment's float model is in memory */
 } tally;
 
 /* Returns the PSNR of a decoded picture against the truth as training sees it,
@@ -29,7 +29,7 @@ static double evened_psnr(const saga_encode_session *s, int view, int frame,
                           const uint8_t *rgb)
 {
     const double *const x = saga_train_exposure(s->train) + 3 * view;
-    const saga_shot *const v = &s->capture.views[view];
+    const saga_source_view *const v = &s->capture.views[view];
     const size_t n = (size_t)v->width * (size_t)v->height;
     const uint8_t *const truth = saga_capture_frame(&s->capture, view, frame);
     const uint8_t *const mask = saga_capture_mask(&s->capture, view, frame);
@@ -73,13 +73,12 @@ double saga_encode_exposure(const saga_encode_session *s)
 static bool compare_float(saga_encode_session *s, double *psnr,
                           const uint8_t *rgb, int view, int frame)
 {
-    const saga_shot *const v = &s->capture.views[view];
+    const saga_source_view *const v = &s->capture.views[view];
     const size_t n = (size_t)v->width * (size_t)v->height;
     float *const image = saga_alloc(3 * n, sizeof *image, v->name, &s->error);
     double sum = 0;
 
-    if (!image ||
-        !saga_train_draw(s->train, image, view, frame, &s->error)) {
+    if (!image || !saga_train_draw(s->train, image, view, frame, &s->error)) {
         free(image);
         return false;
     }
@@ -112,10 +111,10 @@ typedef struct {
     saga_film *film;
     saga_camera camera;
     int view;
-    int first;               /* frame of the film that is the segment's first */
-    uint8_t *rgb;            /* a picture, owned by the look */
-    uint8_t *filmed;         /* the same in the tone of the camera, if the file
-                              * has its exposure */
+    int first;       /* frame of the film that is the segment's first */
+    uint8_t *rgb;    /* a picture, owned by the look */
+    uint8_t *filmed; /* the same in the tone of the camera, if the file
+                      * has its exposure */
 } look;
 
 static void close_look(look *l)
@@ -128,16 +127,17 @@ static void close_look(look *l)
 static bool open_look(look *l, saga_encode_session *s, saga_film *film,
                       int segment, int view)
 {
-    const saga_shot *const v = &s->capture.views[view];
+    const saga_source_view *const v = &s->capture.views[view];
     uint32_t number;
 
     /* A file made with --only has no other segment than this one. */
-    *l = (look){ .film = film, .view = view,
-                 .first = s->o->networks ? 0 : saga_encode_begin(s, segment),
-                 .rgb = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
-                                   &s->error),
-                 .filmed = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
-                                      &s->error) };
+    *l = (look){
+        .film = film,
+        .view = view,
+        .first = s->o->networks ? 0 : saga_encode_begin(s, segment),
+        .rgb = saga_alloc(saga_view_frame_nbytes(v), 1, v->name, &s->error),
+        .filmed = saga_alloc(saga_view_frame_nbytes(v), 1, v->name, &s->error)
+    };
     return l->rgb && l->filmed &&
            saga_film_rig(film, (uint32_t)view, &l->camera, &number, &s->error);
 }
@@ -146,7 +146,7 @@ static bool open_look(look *l, saga_encode_session *s, saga_film *film,
  * frame. */
 static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
 {
-    const saga_shot *const v = &s->capture.views[l->view];
+    const saga_source_view *const v = &s->capture.views[l->view];
     const uint8_t *const truth = saga_capture_frame(&s->capture, l->view,
                                                     frame);
     double counting;
@@ -161,10 +161,10 @@ static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
                      saga_view_frame_nbytes(v) / 3);
     (void)saga_capture_forgive(&s->capture, l->view, frame, l->rgb);
     counting = saga_capture_forgive(&s->capture, l->view, frame, l->filmed);
-    *psnr = counting > 0
-        ? saga_psnr(saga_mse(l->filmed, truth, saga_view_frame_nbytes(v)) /
-                    counting)
-        : (double)NAN;
+    *psnr = counting > 0 ? saga_psnr(saga_mse(l->filmed, truth,
+                                              saga_view_frame_nbytes(v)) /
+                                     counting)
+                         : (double)NAN;
     return true;
 }
 
@@ -191,19 +191,20 @@ static bool judge_frame(saga_encode_session *s, const look *l, double psnr,
 static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
                          int view, tally *t)
 {
-    const saga_shot *const v = &s->capture.views[view];
+    const saga_source_view *const v = &s->capture.views[view];
     /* The verdict needs to know what stands still, which pictures of a moving
      * camera do not show. */
     const bool judged = !v->held_out && !s->capture.moves;
     uint8_t *const median = !judged ? NULL
-        : saga_verdict_median(&s->capture, view, &s->error);
+                                    : saga_verdict_median(&s->capture, view,
+                                                          &s->error);
     look l;
     bool ok = open_look(&l, s, film, segment, view) && (median || !judged);
     int frame;
 
     t->has_float = has_float(s, segment);
-    for (int i = 0; ok && (frame = saga_capture_sample(&s->capture, view,
-                                                     i)) >= 0; i++) {
+    for (int i = 0;
+         ok && (frame = saga_capture_sample(&s->capture, view, i)) >= 0; i++) {
         double psnr;
 
         ok = draw_look(&l, &psnr, s, frame);
@@ -226,8 +227,8 @@ static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
     bool ok = open_look(&l, s, &c->film, segment, view);
     int frame;
 
-    for (int i = 0; ok && (frame = saga_capture_sample(&s->capture, view,
-                                                     i)) >= 0; i++) {
+    for (int i = 0;
+         ok && (frame = saga_capture_sample(&s->capture, view, i)) >= 0; i++) {
         double psnr;
 
         ok = draw_look(&l, &psnr, s, frame);
@@ -245,10 +246,10 @@ static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
 {
     for (int k = 0; k + 1 < s->o->layers; k++) {
         saga_encode_cut *const c = &s->cut[k];
-        const saga_splice_part part = {
-            .name = s->o->output, .bytes = file->data, .nbytes = file->nbytes,
-            .n_layers = (uint32_t)k + 1
-        };
+        const saga_splice_part part = { .name = s->o->output,
+                                        .bytes = file->data,
+                                        .nbytes = file->nbytes,
+                                        .n_layers = (uint32_t)k + 1 };
 
         if (!saga_splice(&c->bytes.data, &c->bytes.nbytes, &part, 1,
                          &s->error) ||
@@ -270,8 +271,10 @@ static void close_cuts(saga_encode_session *s)
 
 static int written_but(const saga_encode_session *s)
 {
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, but: "
-                          "%s", s->error.message);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "encode: the file was written, but: "
+                          "%s",
+                          s->error.message);
 }
 
 static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
@@ -304,7 +307,8 @@ int saga_encode_check(saga_encode_session *s)
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
                         s->o->capture.threads, &s->error) ||
         !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
-                          &s->error) || !open_cuts(s, &bytes))
+                          &s->error) ||
+        !open_cuts(s, &bytes))
         status = written_but(s);
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)

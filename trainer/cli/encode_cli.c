@@ -29,7 +29,7 @@ static void ask_to_stop(int number)
 }
 
 /* Makes the file and checks it. The checkpoint is kept. */
-static int make(saga_encode_session *s)
+static int make_film(saga_encode_session *s)
 {
     int status = saga_encode_open(s);
 
@@ -42,7 +42,7 @@ static int make(saga_encode_session *s)
     return status || s->o->networks_only ? status : saga_encode_check(s);
 }
 
-static void end(saga_encode_session *s)
+static void free_session(saga_encode_session *s)
 {
     if (s->out.file)
         saga_output_close(&s->out, false, &s->error);
@@ -56,13 +56,13 @@ static void end(saga_encode_session *s)
 
 static int encode(saga_encode_session *s)
 {
-    const int status = make(s);
+    const int status = make_film(s);
 
     if (status || s->finished)
         return status;
     /* The file is written and was decoded, so the checkpoint is not needed. */
     unlink(s->checkpoint);
-    return saga_encode_tell(s);
+    return saga_encode_print_report(s);
 }
 
 /* --- A sweep ------------------------------------------------------------- */
@@ -72,9 +72,8 @@ static int encode(saga_encode_session *s)
 static int judge(const saga_encode_options *o, const char *capture,
                  const char *result, json_t *report)
 {
-    const saga_eval_request request = {
-        .capture = o->capture, .quiet = o->quiet
-    };
+    const saga_eval_request request = { .capture = o->capture,
+                                        .quiet = o->quiet };
     json_t *judged;
     const int status = saga_eval_judge(&judged, o->output, capture, &request);
 
@@ -102,12 +101,13 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     s.o = &o;
     s.part = part;
     s.started = saga_clock_seconds();
-    status = make(&s);
-    /* end() must not free the name: the file is removed once the result is
-     * written. */
+    status = make_film(&s);
+    /* free_session() must not free the name: the file is removed once the
+     * result is written. */
     checkpoint = s.checkpoint;
     s.checkpoint = NULL;
-    /* The report comes before end(), since it reads what end() closes. */
+    /* The report comes before free_session(), since it reads what
+     * free_session() closes. */
     if (!status) {
         report = saga_encode_report(&s);
         saga_drop_asides(report);
@@ -116,9 +116,9 @@ static int make_of_sweep(void *user, const char *file, const char *result,
             report = NULL;
         }
     }
-    end(&s);
-    /* Judging comes after end(), because it loads the capture again and two
-     * copies of the pictures need not fit into memory. */
+    free_session(&s);
+    /* Judging comes after free_session(), because it loads the capture again
+     * and two copies of the pictures need not fit into memory. */
     if (!status)
         status = judge(&o, s.capture_name, result, report);
     if (!status)
@@ -130,10 +130,12 @@ static int make_of_sweep(void *user, const char *file, const char *result,
 static int sweep(saga_encode_session *s)
 {
     json_t *const made_with = saga_encode_options_json(s->o);
-    const saga_sweep all = {
-        .folder = s->o->output, .resume = s->o->resume, .json = s->o->json,
-        .options = made_with, .make = make_of_sweep, .user = s
-    };
+    const saga_sweep all = { .folder = s->o->output,
+                             .resume = s->o->resume,
+                             .json = s->o->json,
+                             .options = made_with,
+                             .make = make_of_sweep,
+                             .user = s };
     const int status = saga_sweep_run(&all);
 
     json_decref(made_with);
@@ -145,10 +147,11 @@ static int sweep(saga_encode_session *s)
 static int encode_command(int argc, char **argv)
 {
     saga_encode_options o = saga_encode_defaults();
-    saga_encode_session s = { .o = &o, .signal = &stop_signal,
+    saga_encode_session s = { .o = &o,
+                              .signal = &stop_signal,
                               .started = saga_clock_seconds() };
-    int status = saga_cli_parse(&saga_command_encode, &o, &s.capture_name,
-                                argc, argv);
+    int status = saga_cli_parse(&saga_command_encode, &o, &s.capture_name, argc,
+                                argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
@@ -160,13 +163,12 @@ static int encode_command(int argc, char **argv)
      * first. */
     status = saga_encode_check_options(&o, &s.preset, &s.ablation);
     if (!status && (o.json || o.sweep))
-        status = saga_cli_json_can_tell("encode", s.capture_name);
+        status = saga_cli_json_can_name("encode", s.capture_name);
     if (!status)
         status = o.sweep ? sweep(&s) : encode(&s);
     if (!saga_encode_log_close(&s.log, &s.error))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
-                                s.error.message);
-    end(&s);
+        status = saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s.error.message);
+    free_session(&s);
     return status;
 }
 
@@ -176,12 +178,12 @@ static int encode_command(int argc, char **argv)
 
 static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga",
-      "the file to write, or with --sweep the folder; required",
-      saga_cli_text, AT(output), 0, 0 },
+      "the file to write, or with --sweep the folder; required", saga_cli_text,
+      AT(output), 0, 0 },
     { "--preset", "fast|balanced|best",
       "how much work to spend (default balanced);\n"
-      "`saga help presets` lists what each one means", saga_cli_text,
-      AT(preset), 0, 0 },
+      "`saga help presets` lists what each one means",
+      saga_cli_text, AT(preset), 0, 0 },
     { "--size", "BYTES", "size of the file, met within 5 %: 150k, 1.2M",
       saga_cli_nbytes, AT(size), 0, 0 },
     { "--time", "MINUTES",
@@ -190,90 +192,97 @@ static const saga_cli_option option_list[] = {
       saga_cli_real, AT(minutes), 0, 0 },
     { "--sweep", NULL,
       "make five files of different sizes, 1.saga to 5.saga, and\n"
-      "measure them; --primitives then counts for 4.saga", saga_cli_flag,
-      AT(sweep), 0, 0 },
+      "measure them; --primitives then counts for 4.saga",
+      saga_cli_flag, AT(sweep), 0, 0 },
     SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
     { "--segment", "FRAMES",
       "approximate length of a segment in frames. Each segment\n"
       "plays without the others, and --primitives and\n"
       "--iterations count for each of them. Default: ten seconds\n"
       "and at least 24 frames, or what fits in half of --memory;\n"
-      "a capture by one moving camera is one segment", saga_cli_int,
-      AT(segment), 2, SAGA_PLAN_MOST_FRAMES },
+      "a capture by one moving camera is one segment",
+      saga_cli_int, AT(segment), 2, SAGA_PLAN_MOST_FRAMES },
     { "--layers", "N",
       "number of layers of each segment. `saga cut --layers` can\n"
       "drop the last ones, which saves bytes and makes the\n"
-      "picture coarser (default 1)", saga_cli_int, AT(layers), 1,
-      SAGA_MAX_LAYERS },
+      "picture coarser (default 1)",
+      saga_cli_int, AT(layers), 1, SAGA_MAX_LAYERS },
     { "--level", "0|1|2|3",
       "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
-      "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),
-      0, 3 },
+      "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)",
+      saga_cli_int, AT(level), 0, 3 },
     { "--resume", NULL,
       "continue from FILE.saga.ckpt; give the other options as\n"
       "before. The result is the same as without the break.\n"
       "--size may be another, and until the warm-up ends\n"
       "--level, --lambda and --layers, too. A file that is\n"
-      "finished is left as it is, with status 0", saga_cli_flag,
-      AT(resume), 0, 0 },
+      "finished is left as it is, with status 0",
+      saga_cli_flag, AT(resume), 0, 0 },
     { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
       0 },
     SAGA_CLI_QUIET(saga_encode_options, quiet),
     { "-v", NULL,
       "print all of the report as text, also what it takes to\n"
       "judge the method: tools, bytes by kind, the entropy\n"
-      "model, PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
+      "model, PSNR at each stage",
+      saga_cli_flag, AT(verbose), 0, 0 },
     SAGA_CLI_MORE,
     { "--bitrate", "BITS", "size of the file in bits per second: 500k",
       saga_cli_nbytes, AT(bitrate), 0, 0 },
     { "--primitives", "N",
       "number of Gaussians (default: chosen from --size, or from\n"
-      "--preset and the pixels and motion of the capture)", saga_cli_int,
-      AT(primitives), 1, 1 << 22 },
+      "--preset and the pixels and motion of the capture)",
+      saga_cli_int, AT(primitives), 1, 1 << 22 },
     { "--iterations", "N",
       "training steps of all stages together (default: chosen by\n"
-      "--preset); the time grows with them", saga_cli_int, AT(iterations), 3,
-      10000000 },
-    { "--lambda", "X", "price of a bit. Training minimises the mean squared\n"
+      "--preset); the time grows with them",
+      saga_cli_int, AT(iterations), 3, 10000000 },
+    { "--lambda", "X",
+      "price of a bit. Training minimises the mean squared\n"
       "error, in 8-bit levels, plus X times the bits per\n"
       "training pixel. A higher price makes a smaller file, and\n"
       "without --primitives also fewer of them. Default: chosen\n"
-      "from the error after the warm-up", saga_cli_real, AT(lambda), 0, 0 },
+      "from the error after the warm-up",
+      saga_cli_real, AT(lambda), 0, 0 },
     { "--model", "auto|paper",
       "which parts of the paper's model to use: those that save\n"
       "bytes on small captures (auto, the default), or all of\n"
       "them, for research (paper): shared anchors,\n"
       "interpolation, fusing networks, residual hash, memory\n"
-      "bank", saga_cli_text, AT(model), 0, 0 },
+      "bank",
+      saga_cli_text, AT(model), 0, 0 },
     { "--networks-only", NULL,
       "train only the segment that makes the networks, and write\n"
       "the networks, so that other machines can train the other\n"
-      "segments (docs/scale.md)", saga_cli_flag, AT(networks_only), 0, 0 },
+      "segments (docs/scale.md)",
+      saga_cli_flag, AT(networks_only), 0, 0 },
     { "--networks", "FILE",
       "networks that --networks-only wrote for this capture with\n"
-      "the same options", saga_cli_text, AT(networks), 0, 0 },
+      "the same options",
+      saga_cli_text, AT(networks), 0, 0 },
     { "--only", "N",
       "train only segment N (the first is 0) with the networks\n"
       "of --networks. `saga join` makes one file of all\n"
-      "segments, with the same bytes as a single encode", saga_cli_int,
-      AT(only), 0, SAGA_MAX_SEGMENTS - 1 },
+      "segments, with the same bytes as a single encode",
+      saga_cli_int, AT(only), 0, SAGA_MAX_SEGMENTS - 1 },
     { "--metres", "X",
       "length in metres of one unit of the capture, stored in\n"
-      "the file (default: what the capture says)", saga_cli_real, AT(metres),
-      0, 0 },
+      "the file (default: what the capture says)",
+      saga_cli_real, AT(metres), 0, 0 },
     { "--no-refine", NULL,
       "do not refine poses and lenses before the training. By\n"
       "default they are refined if that also improves matches\n"
-      "that were kept from it", saga_cli_flag, AT(no_refine), 0, 0 },
+      "that were kept from it",
+      saga_cli_flag, AT(no_refine), 0, 0 },
     { "--no-exposure", NULL,
       "do not store the exposures of the cameras, so that all\n"
-      "views of the file are equally bright", saga_cli_flag, AT(no_exposure),
-      0, 0 },
+      "views of the file are equally bright",
+      saga_cli_flag, AT(no_exposure), 0, 0 },
     { "--still", NULL, "treat the scene as still, whatever moves",
       saga_cli_flag, AT(still), 0, 0 },
     { "--moving", NULL,
-      "treat the scene as moving, even if nothing seems to move",
-      saga_cli_flag, AT(moving), 0, 0 },
+      "treat the scene as moving, even if nothing seems to move", saga_cli_flag,
+      AT(moving), 0, 0 },
     { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       AT(seed), 0, INT32_MAX },
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
@@ -281,17 +290,19 @@ static const saga_cli_option option_list[] = {
     { "--log", "FILE",
       "record the training: a line for every tenth iteration, as\n"
       "CSV in FILE.csv or as JSON lines in FILE.jsonl;\n"
-      "lab/log.gp plots it", saga_cli_text, AT(log), 0, 0 },
+      "lab/log.gp plots it",
+      saga_cli_text, AT(log), 0, 0 },
     { "--ablate", "LIST",
       "for research: leave out parts of the entropy model or of\n"
       "the training, to measure what they save. LIST has words\n"
-      "separated by commas:"
-      SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP), saga_cli_text, AT(ablate), 0,
-      0 }
+      "separated by commas:" SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP),
+      saga_cli_text, AT(ablate), 0, 0 }
 };
 
 const saga_command saga_command_encode = {
-    "encode", "CAPTURE", 1,
+    "encode",
+    "CAPTURE",
+    1,
     "trains on a capture and writes a .saga file",
     "Learns a scene from a capture, a folder of pictures or videos from\n"
     "calibrated cameras, and writes it as one .saga file. `saga help check`\n"
@@ -333,6 +344,8 @@ const saga_command saga_command_encode = {
     "and between them are, and what came out well or badly. -v prints all\n"
     "tables. The same options give the same bytes, for any number of\n"
     "threads.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]),
-    encode_command, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    encode_command,
+    NULL
 };

@@ -46,14 +46,17 @@ static void tell(const saga_encode_session *s, const saga_capture *c,
                  int n_unknown)
 {
     if (s->late[0])
-        saga_cli_error(0, "encode: by what moves, frames are paired as with "
+        saga_cli_error(0,
+                       "encode: by what moves, frames are paired as with "
                        "--late %s; give other commands the same option",
                        s->late);
     else
         saga_cli_error(0, "encode: by what moves, no camera is late");
     if (n_unknown)
-        saga_cli_error(0, "encode: of %d of %d cameras what moves does not "
-                       "tell whether they are late", n_unknown, c->n_views);
+        saga_cli_error(0,
+                       "encode: of %d of %d cameras what moves does not "
+                       "tell whether they are late",
+                       n_unknown, c->n_views);
 }
 
 /* Measures the cameras and sets s->late. `unequal` has the error of videos with

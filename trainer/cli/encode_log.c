@@ -40,7 +40,8 @@ static long known(saga_encode_log *log, int until)
      * the header may precede. */
     while (fgets(line, sizeof line, log->file)) {
         if (sscanf(line, log->csv ? read_csv : read_json, &at, stage, &psnr,
-                   &bits, &seconds) == 5 && at <= until) {
+                   &bits, &seconds) == 5 &&
+            at <= until) {
             log->last = at;
             log->seconds = seconds;
         } else if (end > 0 || strcmp(line, header) != 0) {
@@ -69,7 +70,8 @@ bool saga_encode_log_open(saga_encode_log *log, const char *path, int resume,
                               .csv = saga_has_suffix(path, ".csv") };
     log->file = fopen(path, resume > 0 ? "a+" : "w");
     if (!log->file || (resume > 0 && !go_on(log, resume)))
-        return saga_fail_errno(error, path, "give another --log", "cannot be "
+        return saga_fail_errno(error, path, "give another --log",
+                               "cannot be "
                                "written");
     if (log->csv && ftell(log->file) == 0)
         fputs(header, log->file);

@@ -11,11 +11,11 @@
 #include <stdio.h>
 
 typedef struct saga_encode_log {
-    FILE *file;              /* NULL: no log is open */
-    const char *path;        /* owned by the caller */
+    FILE *file;       /* NULL: no log is open */
+    const char *path; /* owned by the caller */
     bool csv;
-    int last; /* last iteration in the log, counted over all stages */
-    double seconds;          /* time of its last line */
+    int last;       /* last iteration in the log, counted over all stages */
+    double seconds; /* time of its last line */
 } saga_encode_log;
 
 /* Returns whether a log may have that name: it must end with .csv or .jsonl. */

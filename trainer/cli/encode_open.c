@@ -32,8 +32,10 @@ static int check_output(saga_encode_session *s)
     struct stat info;
 
     if (stat(s->o->output, &info) == 0 && !S_ISREG(info.st_mode))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a file; "
-                              "give the name of one", s->o->output);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: -o %s is not a file; "
+                              "give the name of one",
+                              s->o->output);
     if (!saga_output_open_alone(&s->out, s->o->output, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     return SAGA_EXIT_OK;
@@ -56,9 +58,10 @@ static bool is_made(saga_encode_session *s)
          saga_probe(&info, bytes.data, bytes.nbytes) == SAGA_OK &&
          saga_part_read(&part, o->output, bytes.data, bytes.nbytes, &none);
     saga_bytes_free(&bytes);
-    return ok && (o->only < 0 ? part.count == 0
-                  : part.count > 0 && part.first == (uint32_t)o->only &&
-                    part.end == part.first + 1);
+    return ok &&
+           (o->only < 0 ? part.count == 0
+                        : part.count > 0 && part.first == (uint32_t)o->only &&
+                              part.end == part.first + 1);
 }
 
 /* If the file exists without a checkpoint, --resume has nothing left to do, and
@@ -74,14 +77,16 @@ static int check_finished(saga_encode_session *s)
         return SAGA_EXIT_OK;
     s->finished = is_made(s);
     if (s->finished)
-        return saga_cli_error(SAGA_EXIT_OK, "encode: %s is already finished; "
+        return saga_cli_error(SAGA_EXIT_OK,
+                              "encode: %s is already finished; "
                               "leave --resume out to make it again",
                               s->o->output);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s exists and is not %s "
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "encode: %s exists and is not %s "
                           "of this command, and there is no checkpoint %s to "
                           "continue from; leave --resume out to replace the "
-                          "file, or name another one", s->o->output,
-                          s->o->only < 0 ? "a file" : "the part",
+                          "file, or name another one",
+                          s->o->output, s->o->only < 0 ? "a file" : "the part",
                           s->checkpoint);
 }
 
@@ -96,7 +101,8 @@ static int check_checkpoint(saga_encode_session *s)
     /* Partly written checkpoints of a killed run are removed. */
     saga_output_sweep(s->checkpoint);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is the checkpoint "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: %s is the checkpoint "
                               "of a run that was stopped; give --resume to "
                               "continue that run, or delete the checkpoint",
                               s->checkpoint);
@@ -120,15 +126,16 @@ static saga_train_options train_options(saga_encode_session *s)
     t.lambda = o->lambda;
     /* n_bytes is the size of the whole file; either --size or --bitrate is
      * 0. */
-    t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
-                         s->whole.fps);
+    t.n_bytes = (size_t)(o->size +
+                         o->bitrate / 8 * s->whole.n_frames / s->whole.fps);
     t.level = o->level;
     t.n_layers = o->layers;
     t.paper = saga_encode_is_paper(o);
     t.no_exposure = o->no_exposure;
     t.seed = (uint64_t)o->seed;
-    t.motion = o->still ? SAGA_TRAIN_STILL
-             : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
+    t.motion = o->still    ? SAGA_TRAIN_STILL
+               : o->moving ? SAGA_TRAIN_MOVING
+                           : SAGA_TRAIN_MEASURE;
     t.ablate = o->ablate;
     t.checkpoint = s->checkpoint;
     t.checkpoint_seconds = o->every;
@@ -148,16 +155,16 @@ static int choose_scale(saga_encode_session *s)
         s->scale = saga_plan_scale(&t, &s->whole, s->preset);
     if (s->scale < 2)
         return SAGA_EXIT_OK;
-    saga_cli_error(0, "encode: pictures are reduced to 1/%d of their size, to "
+    saga_cli_error(0,
+                   "encode: pictures are reduced to 1/%d of their size, to "
                    "fit the time of preset %s; --scale 1 keeps their size",
-                   s->scale,
-                   s->preset->name);
+                   s->scale, s->preset->name);
     /* The capture is read again, with the scale at which its pictures will be
      * loaded. */
     c = saga_encode_capture_options(s);
     return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
-        ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+               ? SAGA_EXIT_OK
+               : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
 
 /* Divides the capture into segments whose numbers of frames differ by at most
@@ -172,12 +179,13 @@ static int look_at_capture(saga_encode_session *s)
     s->n_segments = saga_plan_segments(whole, s->o->segment);
     if (s->o->only >= s->n_segments ||
         (saga_encode_is_part(s->o) && s->n_segments == 1))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s has %d segment%s "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: %s has %d segment%s "
                               "of --segment frames, numbered from 0: %s",
                               s->capture_name, s->n_segments,
                               s->n_segments == 1 ? "" : "s",
                               s->n_segments == 1 ? "there are no parts"
-                              : "give --only one of these");
+                                                 : "give --only one of these");
     return choose_scale(s);
 }
 
@@ -185,11 +193,13 @@ static int look_at_capture(saga_encode_session *s)
  * one rig. */
 static int check_views(const saga_encode_session *s, int segment, int n_views)
 {
-    return s->capture.n_views == n_views ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_DATA, "encode: %d cameras have pictures in "
-                         "segment %d, %d in those before; give a longer "
-                         "--segment, or leave those cameras out",
-                         s->capture.n_views, segment, n_views);
+    return s->capture.n_views == n_views
+               ? SAGA_EXIT_OK
+               : saga_cli_error(SAGA_EXIT_DATA,
+                                "encode: %d cameras have pictures in "
+                                "segment %d, %d in those before; give a longer "
+                                "--segment, or leave those cameras out",
+                                s->capture.n_views, segment, n_views);
 }
 
 /* Sets *first to the segment with the most change, which makes the networks.
@@ -241,8 +251,8 @@ static uint32_t primitives_of(const saga_encode_session *s,
     /* s->part is the fraction of the largest file's number. That number is
      * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
     const double wanted = SAGA_SWEEP_STEP * t->n_primitives;
-    const double most = fmin(wanted, saga_room_sure(
-        t, (uint32_t)fmin(ceil(wanted), UINT32_MAX)));
+    const double most = fmin(
+        wanted, saga_room_sure(t, (uint32_t)fmin(ceil(wanted), UINT32_MAX)));
 
     return (uint32_t)fmax(1, rint(s->part * most));
 }
@@ -261,8 +271,10 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 
 static int adopt_networks(saga_encode_session *s, saga_train_options *t)
 {
-    return saga_train_adopt(t, t->networks, &s->error) ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    return saga_train_adopt(t, t->networks, &s->error)
+               ? SAGA_EXIT_OK
+               : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
+                                s->error.message);
 }
 
 /* Begins or resumes the training: with the checkpoint's segment, with the
@@ -274,18 +286,23 @@ static int open_training(saga_encode_session *s)
     int status;
 
     if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: a file of %zu bytes "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: a file of %zu bytes "
                               "is too small for networks and header; ask for "
-                              "%d or more", t.n_bytes, LEAST_SIZE);
+                              "%d or more",
+                              t.n_bytes, LEAST_SIZE);
     s->wanted = t.n_bytes;
     if (s->o->resume && !resume && !s->o->sweep)
-        saga_cli_error(0, "encode: there is no checkpoint %s: the training "
-                       "starts from the beginning", s->checkpoint);
+        saga_cli_error(0,
+                       "encode: there is no checkpoint %s: the training "
+                       "starts from the beginning",
+                       s->checkpoint);
     /* The first segment is given by the checkpoint or the file of networks.
      * Otherwise all segments are loaded to find the one with the most
      * change. */
-    status = resume ? find_stopped(s, &t)
-           : t.networks ? adopt_networks(s, &t) : find_first(s, &t.first);
+    status = resume       ? find_stopped(s, &t)
+             : t.networks ? adopt_networks(s, &t)
+                          : find_first(s, &t.first);
     if (!status)
         status = saga_encode_load(s, t.networks ? t.only : t.first);
     if (status)
@@ -303,15 +320,15 @@ static int open_training(saga_encode_session *s)
 static int open_log(saga_encode_session *s)
 {
     s->log_began = saga_clock_seconds();
-    if (!s->o->log || saga_encode_log_open(&s->log, s->o->log,
-                                           saga_train_iteration(s->train),
-                                           &s->error))
+    if (!s->o->log ||
+        saga_encode_log_open(&s->log, s->o->log, saga_train_iteration(s->train),
+                             &s->error))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
 /* Reports the reasons for values that the user did not give. */
-static void tell_plan(const saga_encode_session *s)
+static void print_plan(const saga_encode_session *s)
 {
     if (s->why.primitives[0])
         saga_cli_error(0, "encode: %s", s->why.primitives);
@@ -342,8 +359,8 @@ int saga_encode_open(saga_encode_session *s)
     if (!status)
         status = open_log(s);
     if (!status) {
-        tell_plan(s);
-        saga_encode_tell_notes(s->capture.notes, strlen(s->capture.notes));
+        print_plan(s);
+        saga_encode_print_notes(s->capture.notes, strlen(s->capture.notes));
     }
     return status;
 }

@@ -16,12 +16,15 @@ saga_encode_options saga_encode_defaults(void)
 {
     const saga_train_options t = saga_train_defaults();
 
-    return (saga_encode_options){
-        .capture = SAGA_CAPTURE_CHOICE, .preset = "balanced", .only = -1,
-        .model = "auto", .level = t.level, .layers = t.n_layers,
-        .seed = (int)t.seed,
-        .every = (int)t.checkpoint_seconds, .lambda = t.lambda
-    };
+    return (saga_encode_options){ .capture = SAGA_CAPTURE_CHOICE,
+                                  .preset = "balanced",
+                                  .only = -1,
+                                  .model = "auto",
+                                  .level = t.level,
+                                  .layers = t.n_layers,
+                                  .seed = (int)t.seed,
+                                  .every = (int)t.checkpoint_seconds,
+                                  .lambda = t.lambda };
 }
 
 bool saga_encode_is_paper(const saga_encode_options *o)
@@ -55,18 +58,22 @@ static const char *contradiction(const saga_encode_options *o,
           "give only one of --lambda, --size, --bitrate and --sweep: each "
           "determines the file's size" },
         { o->log && o->sweep, "--log records one training, but --sweep has "
-          "several; give one of them" },
-        { o->networks_only && o->only >= 0, "--networks-only and --only "
+                              "several; give one of them" },
+        { o->networks_only && o->only >= 0,
+          "--networks-only and --only "
           "exclude each other: --networks-only makes the file that --only "
           "needs" },
-        { (o->only >= 0) != (o->networks != NULL), "--only N and --networks "
+        { (o->only >= 0) != (o->networks != NULL),
+          "--only N and --networks "
           "FILE go together; --networks-only makes FILE" },
-        { part && sized, "segments that are trained apart cannot share one "
+        { part && sized,
+          "segments that are trained apart cannot share one "
           "size; give --lambda and --primitives instead of --size, --bitrate "
           "or --sweep" },
         { layers && part, "--layers needs all segments trained in one place; "
-          "leave --networks-only and --only out" },
-        { layers && (ablation->slots || ablation->plain_update), "files of "
+                          "leave --networks-only and --only out" },
+        { layers && (ablation->slots || ablation->plain_update),
+          "files of "
           "several --layers have no memory bank; leave slots and plain-update "
           "of --ablate out" }
     };
@@ -86,7 +93,7 @@ static int check_names(const saga_encode_options *o)
 
     for (size_t i = 0; !status && i < sizeof told / sizeof told[0]; i++)
         if (o->json || o->sweep)
-            status = saga_cli_json_can_tell("encode", told[i]);
+            status = saga_cli_json_can_name("encode", told[i]);
     return status;
 }
 
@@ -98,10 +105,14 @@ static int unknown_preset(const char *name)
 
     for (int i = 0; (p = saga_preset_at(i)) && n < sizeof names; i++)
         n += (size_t)snprintf(names + n, sizeof names - n, "%s%s",
-                              i == 0 ? "" : saga_preset_at(i + 1) ? ", "
-                              : " or ", p->name);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: --preset takes %s, not "
-                          "'%s'", names, name);
+                              i == 0                  ? ""
+                              : saga_preset_at(i + 1) ? ", "
+                                                      : " or ",
+                              p->name);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "encode: --preset takes %s, not "
+                          "'%s'",
+                          names, name);
 }
 
 int saga_encode_check_options(const saga_encode_options *o,
@@ -115,16 +126,22 @@ int saga_encode_check_options(const saga_encode_options *o,
     if (!*preset)
         return unknown_preset(o->preset);
     if (strcmp(o->model, "auto") != 0 && !saga_encode_is_paper(o))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --model takes auto or "
-                              "paper, not '%s'", o->model);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: --model takes auto or "
+                              "paper, not '%s'",
+                              o->model);
     if (!saga_ablation_read(ablation, o->ablate, &error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
     if (o->metres < 0)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --metres takes a "
-                              "length above 0, not %g", o->metres);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: --metres takes a "
+                              "length above 0, not %g",
+                              o->metres);
     if (o->log && !saga_encode_log_name(o->log))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log takes FILE.csv "
-                              "or FILE.jsonl, not '%s'", o->log);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: --log takes FILE.csv "
+                              "or FILE.jsonl, not '%s'",
+                              o->log);
     says = contradiction(o, ablation);
     return says ? saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", says)
                 : check_names(o);

@@ -19,46 +19,46 @@
 
 typedef struct saga_encode_options {
     saga_capture_choice capture;
-    const char *output;      /* a file, or the folder of a sweep; required */
+    const char *output; /* a file, or the folder of a sweep; required */
 
     /* How large and how long. One of lambda, size, bitrate and sweep determines
      * the size; 0: not given. */
     const char *preset; /* sets those of the following that are not given */
-    double size;             /* bytes */
-    double bitrate;          /* bits per second, over the capture's duration */
-    bool sweep; /* five files with different numbers of primitives */
-    int primitives;          /* per segment; 0: derived from the size, or from
-                              * the preset */
-    int iterations;          /* per segment, all stages; 0: from the preset */
-    double minutes;          /* instead of iterations; 0: use iterations */
-    double lambda;           /* price of a bit (policy.h); 0: chosen to balance
-                              * primitives and bits */
-    const char *model;       /* "auto" or "paper" */
-    int level;               /* 0 to 3; all plans obey its limits */
-    int layers; /* number of layers; a file may be cut after each */
+    double size;        /* bytes */
+    double bitrate;     /* bits per second, over the capture's duration */
+    bool sweep;         /* five files with different numbers of primitives */
+    int primitives;     /* per segment; 0: derived from the size, or from
+                         * the preset */
+    int iterations;     /* per segment, all stages; 0: from the preset */
+    double minutes;     /* instead of iterations; 0: use iterations */
+    double lambda;      /* price of a bit (policy.h); 0: chosen to balance
+                         * primitives and bits */
+    const char *model;  /* "auto" or "paper" */
+    int level;          /* 0 to 3; all plans obey its limits */
+    int layers;         /* number of layers; a file may be cut after each */
 
     /* Which part of the capture's file to make. */
-    int segment;             /* length in frames; 0: see preset.h */
-    bool networks_only;      /* write no segments, only the file that --networks
-                              * reads */
+    int segment;        /* length in frames; 0: see preset.h */
+    bool networks_only; /* write no segments, only the file that --networks
+                         * reads */
     int only; /* the only segment to make; -1: all. Requires networks */
-    const char *networks;    /* file, or NULL */
+    const char *networks; /* file, or NULL */
 
     /* How to train. */
-    double metres; /* metres per unit of the capture; 0: from the capture */
-    bool no_refine;          /* use poses and lenses as they are */
-    bool no_exposure;        /* do not store the exposures of the cameras */
-    bool still, moving;      /* override the measurement of motion */
+    double metres;    /* metres per unit of the capture; 0: from the capture */
+    bool no_refine;   /* use poses and lenses as they are */
+    bool no_exposure; /* do not store the exposures of the cameras */
+    bool still, moving; /* override the measurement of motion */
     int seed;
-    const char *ablate;      /* words of ablation.h, or NULL */
+    const char *ablate; /* words of ablation.h, or NULL */
 
     /* Output other than the file. */
-    int every;               /* seconds between checkpoints */
+    int every; /* seconds between checkpoints */
     bool resume;
-    const char *log;         /* file, or NULL */
-    bool json;               /* print the report as JSON */
-    bool quiet;              /* show no progress */
-    bool verbose;            /* print all tables of the report */
+    const char *log; /* file, or NULL */
+    bool json;       /* print the report as JSON */
+    bool quiet;      /* show no progress */
+    bool verbose;    /* print all tables of the report */
 } saga_encode_options;
 
 saga_encode_options saga_encode_defaults(void);

@@ -44,8 +44,7 @@ static bool keep(saga_encode_session *s, const saga_capture *first,
         memcpy(to->translation, now->translation, sizeof to->translation);
         for (int k = 0; k < 2; k++) {
             to->focal[k] = now->lens[k] / was.lens[k];
-            to->centre[k] = (now->lens[2 + k] - was.lens[2 + k]) /
-                            was.lens[k];
+            to->centre[k] = (now->lens[2 + k] - was.lens[2 + k]) / was.lens[k];
         }
     }
     return s->refined != NULL;
@@ -54,16 +53,19 @@ static bool keep(saga_encode_session *s, const saga_capture *first,
 static void tell(const saga_encode_session *s, const saga_calibration *fit)
 {
     if (s->refined)
-        saga_cli_error(0, "encode: poses and lenses are refined: the error of "
+        saga_cli_error(0,
+                       "encode: poses and lenses are refined: the error of "
                        "matches that were not used for it falls from %.2f to "
                        "%.2f pixels; --no-refine leaves them as they are",
                        fit->refinement.before, fit->refinement.after);
     /* Refined cameras may still be wrong. */
     if (s->refined ? fit->refinement.after > fit->within
                    : fit->found || fit->bad)
-        saga_cli_error(0, "encode: the cameras do not fit the pictures: of %d "
+        saga_cli_error(0,
+                       "encode: the cameras do not fit the pictures: of %d "
                        "pairs of cameras with matches, %d fit; `saga check` "
-                       "says more", fit->n_pairs, fit->n_fit);
+                       "says more",
+                       fit->n_pairs, fit->n_fit);
 }
 
 static bool refine(saga_encode_session *s)
@@ -78,7 +80,7 @@ static bool refine(saga_encode_session *s)
 
     saga_meter_end(&s->meter);
     if (ok)
-        saga_encode_tell_notes(survey.notes, survey.wrong_nbytes);
+        saga_encode_print_notes(survey.notes, survey.wrong_nbytes);
     if (ok && !s->o->no_refine && found->helps) {
         s->fit_before = found->before;
         s->fit_after = found->after;
@@ -96,5 +98,5 @@ int saga_encode_refine(saga_encode_session *s)
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     /* A single moving camera has no second picture of a moment. */
     return s->whole.moves || refine(s) ? SAGA_EXIT_OK
-        : saga_encode_not_loaded(s);
+                                       : saga_encode_not_loaded(s);
 }

@@ -139,19 +139,23 @@ static void put_bits(json_t *o, const saga_encode_sizes *z)
     saga_cost_components(length, z->bits);
     saga_cost_components(spent, z->spent);
     for (int i = 0; i < SAGA_N_COMPONENTS; i++)
-        saga_put_item(rows, json_pack("{sssfsfsf}",
-            "name", saga_component_name((saga_component)i),
-            "length", length[i], "spent", spent[i],
-            "part", spent[i] / (8 * (double)z->total)));
+        saga_put_item(rows,
+                      json_pack("{sssfsfsf}", "name",
+                                saga_component_name((saga_component)i),
+                                "length", length[i], "spent", spent[i], "part",
+                                spent[i] / (8 * (double)z->total)));
     saga_put(o, "/bits", rows);
 }
 
 static json_t *kind_of(const saga_train_kind *k)
 {
-    static const struct { int bit; const char *name; } sources[] = {
-        { SAGA_SOURCE_HYPER, "hyperprior" }, { SAGA_SOURCE_PARENT, "parent" },
-        { SAGA_SOURCE_GROUPS, "groups" }, { SAGA_SOURCE_BANK, "bank" }
-    };
+    static const struct {
+        int bit;
+        const char *name;
+    } sources[] = { { SAGA_SOURCE_HYPER, "hyperprior" },
+                    { SAGA_SOURCE_PARENT, "parent" },
+                    { SAGA_SOURCE_GROUPS, "groups" },
+                    { SAGA_SOURCE_BANK, "bank" } };
     json_t *const o = json_object();
     char text[64] = "";
     int n = 0;
@@ -175,10 +179,11 @@ static json_t *kind_of(const saga_train_kind *k)
  * left out. */
 static void put_entropy(json_t *report, const saga_train_entropy *e)
 {
-    static const struct { const char *key, *name; } kinds[SAGA_N_KINDS] = {
-        { "coarse", "coarse anchors" }, { "fine", "fine offsets" },
-        { "primitives", "primitive offsets" }
-    };
+    static const struct {
+        const char *key, *name;
+    } kinds[SAGA_N_KINDS] = { { "coarse", "coarse anchors" },
+                              { "fine", "fine offsets" },
+                              { "primitives", "primitive offsets" } };
     json_t *const o = json_object(), *const rows = json_array();
 
     saga_put_real(o, "hyperprior_weights", e->hyper_weights);
@@ -199,10 +204,10 @@ static void put_entropy(json_t *report, const saga_train_entropy *e)
 /* Returns who chose lambda, as text. */
 static const char *reason_of_lambda(const saga_encode_session *s)
 {
-    return s->wanted ? ", chosen to meet the size"
-         : !(s->o->lambda > 0) ? ", chosen to balance primitives and bits"
-         : s->o->primitives ? ""
-         : ", from which the number of primitives follows";
+    return s->wanted             ? ", chosen to meet the size"
+           : !(s->o->lambda > 0) ? ", chosen to balance primitives and bits"
+           : s->o->primitives    ? ""
+                              : ", from which the number of primitives follows";
 }
 
 /* Says how much worse views of cameras are that were kept from training, as a
@@ -211,8 +216,9 @@ static void put_between(json_t *o, const saga_quality *q)
 {
     const double gap = q->training - q->held_out;
     const char *const word = !q->n_held_out || !q->n_training ? "unknown"
-                           : gap > MOST_GAP ? "poor"
-                           : gap > SOFT_GAP ? "soft" : "good";
+                             : gap > MOST_GAP                 ? "poor"
+                             : gap > SOFT_GAP                 ? "soft"
+                                                              : "good";
     char aside[32];
 
     snprintf(aside, sizeof aside, "/between_%s", word);
@@ -232,7 +238,7 @@ static void put_decoded(json_t *o, const saga_encode_session *s)
 
 /* --- Reports ------------------------------------------------------------- */
 
-static json_t *begin(const saga_encode_session *s)
+static json_t *begin_report(const saga_encode_session *s)
 {
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
@@ -244,7 +250,7 @@ static json_t *begin(const saga_encode_session *s)
 
 static json_t *report_networks(const saga_encode_session *s)
 {
-    json_t *const o = begin(s);
+    json_t *const o = begin_report(s);
 
     saga_put_int(o, "first", saga_train_first(s->train));
     saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
@@ -257,7 +263,7 @@ static json_t *report_networks(const saga_encode_session *s)
 static json_t *report_part(const saga_encode_session *s)
 {
     const int k = s->o->only;
-    json_t *const o = begin(s);
+    json_t *const o = begin_report(s);
 
     saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
     saga_put_bytes(o, &s->layout);
@@ -296,16 +302,17 @@ static void put_file(json_t *o, const saga_encode_session *s)
 
     saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
     saga_put_real(o, "/film_seconds", s->whole.n_frames / s->whole.fps);
-    saga_put_real(o, "/kb", 1e-3 * (double)z->total * s->whole.fps /
-                            s->whole.n_frames);
-    saga_put_real(o, "/kbits", 8e-3 * (double)z->total * s->whole.fps /
-                               s->whole.n_frames);
+    saga_put_real(o, "/kb",
+                  1e-3 * (double)z->total * s->whole.fps / s->whole.n_frames);
+    saga_put_real(o, "/kbits",
+                  8e-3 * (double)z->total * s->whole.fps / s->whole.n_frames);
     saga_put_bytes(o, &s->layout);
-    saga_put(o, "/sizes", json_pack("{sIsIsIsIsIsIsI}",
-        "header", (json_int_t)z->header, "index", (json_int_t)z->index,
-        "networks", (json_int_t)z->networks, "base", (json_int_t)z->base,
-        "coarse", (json_int_t)z->coarse, "fine", (json_int_t)z->fine,
-        "prim", (json_int_t)z->prim));
+    saga_put(o, "/sizes",
+             json_pack("{sIsIsIsIsIsIsI}", "header", (json_int_t)z->header,
+                       "index", (json_int_t)z->index, "networks",
+                       (json_int_t)z->networks, "base", (json_int_t)z->base,
+                       "coarse", (json_int_t)z->coarse, "fine",
+                       (json_int_t)z->fine, "prim", (json_int_t)z->prim));
     saga_put_int(o, "n_coarse", r->n.coarse);
     saga_put_int(o, "n_fine", r->n.fine);
     saga_put_int(o, "n_primitives", r->n.prim);
@@ -326,7 +333,7 @@ json_t *saga_encode_report(const saga_encode_session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
     const bool evened = s->evened.n_training + s->evened.n_held_out > 0;
-    json_t *const o = begin(s);
+    json_t *const o = begin_report(s);
 
     saga_put(o, "options", saga_encode_options_json(s->o));
     put_capture(o, s);
@@ -347,26 +354,33 @@ json_t *saga_encode_report(const saga_encode_session *s)
 
 /* A line with the PSNRs of training and held-out pictures, as far as there are
  * any. `what` must have 28 characters. */
-#define QUALITY(when, what, path) \
-    { when, NULL, "  " what }, \
-    { when "&" path ".n_training", NULL, \
-      "  {" path ".training:%6.2f} dB" }, \
-    { when "&" path ".n_held_out", NULL, \
-      "  {" path ".held_out:%6.2f} dB" }, \
-    { when, NULL, "\n" }
+#define QUALITY(when, what, path)             \
+    { when, NULL, "  " what },                \
+        { when "&" path ".n_training", NULL,  \
+          "  {" path ".training:%6.2f} dB" }, \
+        { when "&" path ".n_held_out", NULL,  \
+          "  {" path ".held_out:%6.2f} dB" }, \
+    {                                         \
+        when, NULL, "\n"                      \
+    }
 
 /* The heading that whole files and parts share. */
-#define DECODED \
-    { "", NULL, "  mean PSNR of {psnr.n_training} + {psnr.n_held_out} " \
-      "pictures  training  held out\n" }
+#define DECODED                                                     \
+    {                                                               \
+        "", NULL,                                                   \
+            "  mean PSNR of {psnr.n_training} + {psnr.n_held_out} " \
+            "pictures  training  held out\n"                        \
+    }
 
 static const saga_line networks_text[] = {
-    { "", NULL, "{file}: networks of {n_segments} segments, --only 0 to "
+    { "", NULL,
+      "{file}: networks of {n_segments} segments, --only 0 to "
       "{/last_segment}, made by segment {first}\n  {seconds:%.0f} s\n" }
 };
 
 static const saga_line part_text[] = {
-    { "", NULL, "{file}: {nbytes} bytes, segment {segment} (0 to "
+    { "", NULL,
+      "{file}: {nbytes} bytes, segment {segment} (0 to "
       "{/last_segment}), frames {/begin}:{/end}\n" },
     DECODED,
     QUALITY("file", "file, integer decoder       ", "psnr"),
@@ -378,14 +392,17 @@ static const saga_line part_text[] = {
  * from where no camera stood, and what to do next. */
 static const saga_line file_text[] = {
     { "", NULL, "{file}: {nbytes} bytes, " },
-    { "n_frames>1", NULL, "{/film_seconds:%.1f} s of film at {/kb:%.1f} kB a "
+    { "n_frames>1", NULL,
+      "{/film_seconds:%.1f} s of film at {/kb:%.1f} kB a "
       "second ({/kbits:%.1f} kbit/s), " },
-    { "", NULL, "level {level}\n"
+    { "", NULL,
+      "level {level}\n"
       "  {n_views} views, {n_frames} frame{n_frames+s}" },
     { "n_segments>1", NULL, " in {n_segments} segments of up to" },
     { "n_segments=1", NULL, ";" },
     { "", NULL, " {n_primitives} primitives\n  PSNR of the decoded file:" },
-    { "psnr.n_training", NULL, " {psnr.training:%.2f} dB for the training "
+    { "psnr.n_training", NULL,
+      " {psnr.training:%.2f} dB for the training "
       "views" },
     { "psnr.n_training&psnr.n_held_out", NULL, "," },
     { "psnr.n_held_out", NULL, " {psnr.held_out:%.2f} dB for held-out views" },
@@ -395,63 +412,82 @@ static const saga_line file_text[] = {
     { "/cut&psnr.n_held_out", "layers", ", held out {psnr.held_out:%.2f} dB" },
     { "/cut", "layers", "\n" },
     SAGA_VERDICT_LINES,
-    { "/between_good", NULL, "  from between the cameras the scene looks as "
+    { "/between_good", NULL,
+      "  from between the cameras the scene looks as "
       "good as from the cameras\n" },
-    { "/between_soft", NULL, "  from between the cameras the scene looks a "
+    { "/between_soft", NULL,
+      "  from between the cameras the scene looks a "
       "little softer than from the cameras;\n  more cameras, or cameras closer "
       "together, help\n" },
-    { "/between_poor", NULL, "  from between the cameras the scene looks poor, "
+    { "/between_poor", NULL,
+      "  from between the cameras the scene looks poor, "
       "with blur or ghosts: film with\n  more cameras, or cameras closer "
       "together, or stay close to the cameras' places\n" },
-    { "/between_unknown", NULL, "  no camera was held out, so it is unknown "
+    { "/between_unknown", NULL,
+      "  no camera was held out, so it is unknown "
       "how good the scene looks from between\n  the cameras; --hold-out NAME "
       "tells\n" },
     { "", NULL, "  {seconds:%.0f} s; next: saga view {file}\n" },
-    { "/between_good&!psnr_parts./bad", NULL, "  and when you are content, "
+    { "/between_good&!psnr_parts./bad", NULL,
+      "  and when you are content, "
       "encode again with --hold-out \"\", since every camera helps\n" }
 };
 
 /* What a reader needs who judges the method. */
 static const saga_line research_text[] = {
-    { "", NULL, "\nanchors and tools:\n  {n_coarse} coarse anchors, {n_fine} "
+    { "", NULL,
+      "\nanchors and tools:\n  {n_coarse} coarse anchors, {n_fine} "
       "fine" },
     { "n_segments>1", NULL, ", in the largest segment" },
     { "", NULL, "\n" },
-    { "base.n_primitives", NULL, "  a base of {base./in_file} primitives, "
+    { "base.n_primitives", NULL,
+      "  a base of {base./in_file} primitives, "
       "{base./still*100:%.0f} % of those of the warm-up stand still\n" },
-    { "/chosen_scale>1", NULL, "  pictures reduced to 1/{/chosen_scale} of "
+    { "/chosen_scale>1", NULL,
+      "  pictures reduced to 1/{/chosen_scale} of "
       "their size, by preset {options.preset}\n" },
     { "temporal", NULL, "  tools for motion on" },
     { "!temporal", NULL, "  no tools for motion" },
-    { "/has_explained", NULL, ": {changing_pixels*100:%.2f} % of the pixels "
+    { "/has_explained", NULL,
+      ": {changing_pixels*100:%.2f} % of the pixels "
       "change, the warm-up explains {explained*100:%.0f} % of that" },
     { "", NULL, "\n" },
-    { "", "tools", "  {@:%-22s} saves {worth:%7.0f} bytes, costs "
+    { "", "tools",
+      "  {@:%-22s} saves {worth:%7.0f} bytes, costs "
       "{cost:%6.0f}: " },
     { "kept", "tools", "kept\n" },
     { "!kept", "tools", "off\n" },
-    { "refinement", NULL, "  poses and lenses refined: the error of matches "
+    { "refinement", NULL,
+      "  poses and lenses refined: the error of matches "
       "that were kept from it fell from\n  {refinement.before_px:%.2f} to "
       "{refinement.after_px:%.2f} pixels\n" },
-    { "/exposure", NULL, "  exposures of the cameras differ by up to "
+    { "/exposure", NULL,
+      "  exposures of the cameras differ by up to "
       "{/exposure*100:%.0f} %; training evens this out\n" },
-    { "/exposure&!options.no_exposure", NULL, "  the file stores the "
+    { "/exposure&!options.no_exposure", NULL,
+      "  the file stores the "
       "exposures, so that a camera's view is as bright as it was\n  filmed\n" },
-    { "/exposure&options.no_exposure", NULL, "  the file's pictures may be "
+    { "/exposure&options.no_exposure", NULL,
+      "  the file's pictures may be "
       "brighter or darker than the filmed ones; in\n  `saga eval --json`, "
       "psnr_exposed is the PSNR without this difference\n" },
-    { "", NULL, "  lambda {lambda:%.4g}{/why_lambda}\n"
+    { "", NULL,
+      "  lambda {lambda:%.4g}{/why_lambda}\n"
       "  bytes: header {/sizes.header}, index {/sizes.index}, networks "
       "{/sizes.networks}, base {/sizes.base}, coarse {/sizes.coarse}, fine "
       "{/sizes.fine},\n  primitives {/sizes.prim}\n" },
-    { "/raw_nbytes", NULL, "  networks at 16 bits a parameter: {/raw_nbytes} "
+    { "/raw_nbytes", NULL,
+      "  networks at 16 bits a parameter: {/raw_nbytes} "
       "bytes\n" },
     { "", NULL, "  bits                  code length        spent\n" },
-    { "", "/bits", "  {name:%-20s} {length:%12.0f} {spent:%12.0f}  "
+    { "", "/bits",
+      "  {name:%-20s} {length:%12.0f} {spent:%12.0f}  "
       "{part*100:%5.1f} %\n" },
-    { "", NULL, "  entropy model, bytes  constants   networks    no bank     "
+    { "", NULL,
+      "  entropy model, bytes  constants   networks    no bank     "
       "chosen    weights  sources kept\n" },
-    { "", "/kinds", "  {/name:%-20s} {constants:%10.0f} {networks:%10.0f} "
+    { "", "/kinds",
+      "  {/name:%-20s} {constants:%10.0f} {networks:%10.0f} "
       "{without_bank:%10.0f} {chosen:%10.0f} {weights:%10.0f} {/sources}\n" },
     { "entropy_model.hyperprior_weights>0", NULL,
       "  hyperprior           {entropy_model.hyperprior_weights:%54.0f}\n" },
@@ -459,7 +495,8 @@ static const saga_line research_text[] = {
       "  bank                 {entropy_model.bank_weights:%54.0f}  minus "
       "what it saves: {entropy_model.bank_net:%+.0f}\n" },
     DECODED,
-    { "psnr_evened", NULL, "  compared with the pictures with evened "
+    { "psnr_evened", NULL,
+      "  compared with the pictures with evened "
       "exposures\n" },
     QUALITY("file", "flat warm-up (float)        ", "psnr_warm_up"),
     QUALITY("file", "model (float)               ", "psnr_float"),
@@ -467,7 +504,8 @@ static const saga_line research_text[] = {
     QUALITY("psnr_evened", "file, integer decoder       ", "psnr_evened"),
     QUALITY("psnr_evened", "  integer against float     ",
             "psnr_against_decoded_float"),
-    { "psnr_evened", NULL, "  compared with the pictures as they were "
+    { "psnr_evened", NULL,
+      "  compared with the pictures as they were "
       "taken\n" },
     QUALITY("file", "file, integer decoder       ", "psnr"),
     { "/cut", "layers", "  {/cut:%-28s}" },
@@ -478,20 +516,21 @@ static const saga_line research_text[] = {
             "psnr_against_decoded_float")
 };
 
-int saga_encode_tell(const saga_encode_session *s)
+int saga_encode_print_report(const saga_encode_session *s)
 {
     const saga_encode_options *const o = s->o;
-    const saga_telling how = { o->json, 9, o->output };
+    const saga_print_style how = { o->json, 9, o->output };
     json_t *report;
 
     if (o->networks_only)
-        return saga_cli_tell(report_networks(s),
-                             &how, SAGA_LINES(networks_text));
+        return saga_cli_print_report(report_networks(s), &how,
+                                     SAGA_LINES(networks_text));
     if (o->networks)
-        return saga_cli_tell(report_part(s), &how, SAGA_LINES(part_text));
+        return saga_cli_print_report(report_part(s), &how,
+                                     SAGA_LINES(part_text));
     report = saga_encode_report(s);
     if (!o->verbose || o->json)
-        return saga_cli_tell(report, &how, SAGA_LINES(file_text));
+        return saga_cli_print_report(report, &how, SAGA_LINES(file_text));
     saga_print_lines(report, SAGA_LINES(file_text));
-    return saga_cli_tell(report, &how, SAGA_LINES(research_text));
+    return saga_cli_print_report(report, &how, SAGA_LINES(research_text));
 }

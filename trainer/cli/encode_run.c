@@ -34,7 +34,7 @@ static int train_segment(saga_encode_session *s)
 }
 
 /* Reports whether there is a base and why, as soon as that is decided. */
-static void tell_base(const saga_encode_session *s)
+static void print_base(const saga_encode_session *s)
 {
     const saga_train_base *const b = &saga_train_report_of(s->train)->base;
     const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
@@ -45,17 +45,20 @@ static void tell_base(const saga_encode_session *s)
                  b->saved / 1000);
     /* There is a base, or too much moves for one, or the cameras move. */
     if (b->n_prim)
-        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
+        saga_cli_error(0,
+                       "encode: %.0f %% of the primitives stand still: %u "
                        "are stored once, as the base, and each of the %d "
-                       "segments has %s%u more; %s", still, b->n_prim,
-                       s->n_segments, s->wanted ? "about " : "", b->n_kept,
-                       gain);
+                       "segments has %s%u more; %s",
+                       still, b->n_prim, s->n_segments,
+                       s->wanted ? "about " : "", b->n_kept, gain);
     else if (b->why == SAGA_TRAIN_MOVES)
-        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
-                       "few for a base of %d segments", still, s->n_segments);
+        saga_cli_error(0,
+                       "encode: %.0f %% of the primitives stand still: too "
+                       "few for a base of %d segments",
+                       still, s->n_segments);
     else if (b->why == SAGA_TRAIN_WANDERS)
         saga_cli_error(0, "encode: no base: all cameras move, so that it is "
-                       "unknown what stands still");
+                          "unknown what stands still");
 }
 
 /* Sets *next to what is trained next, and returns false if training ends. A
@@ -68,15 +71,17 @@ static bool goes_on(const saga_encode_session *s, int *next)
 
 /* Warns if the tools that the training chose have left less room than was
  * sure, which happens only if --primitives asks for more than that. */
-static void tell_left_out(const saga_encode_session *s)
+static void note_left_out(const saga_encode_session *s)
 {
     const uint32_t n = saga_train_report_of(s->train)->n_left_out;
 
     if (n)
-        saga_cli_error(0, "encode: level %d has no room for %u of the "
-                       "primitives, the faintest, which are left out%s",
-                       s->o->level, n, s->o->level < SAGA_N_PROFILES - 1
-                       ? "; a higher --level has" : "");
+        saga_cli_error(
+            0,
+            "encode: level %d has no room for %u of the "
+            "primitives, the faintest, which are left out%s",
+            s->o->level, n,
+            s->o->level < SAGA_N_PROFILES - 1 ? "; a higher --level has" : "");
 }
 
 int saga_encode_train(saga_encode_session *s)
@@ -85,7 +90,7 @@ int saga_encode_train(saga_encode_session *s)
 
     /* After the first segment it is decided whether there is a base. */
     if (!status && !s->o->networks)
-        tell_base(s);
+        print_base(s);
     while (!status && goes_on(s, &next)) {
         status = saga_encode_load(s, next);
         if (!status && !saga_train_next(s->train, &s->capture, &s->error))
@@ -94,7 +99,7 @@ int saga_encode_train(saga_encode_session *s)
             status = train_segment(s);
     }
     if (!status)
-        tell_left_out(s);
+        note_left_out(s);
     return status;
 }
 
@@ -102,14 +107,15 @@ int saga_encode_train(saga_encode_session *s)
 
 /* Warns if the size was missed. It cannot always be met, because the networks
  * have a size of their own and the primitives' step has a lower limit. */
-static void tell_size(const saga_encode_session *s, size_t n)
+static void print_size(const saga_encode_session *s, size_t n)
 {
     const double off = (double)n / (double)s->wanted - 1;
 
     if (s->wanted && fabs(off) > MOST_OFF)
-        saga_cli_error(0, "encode: the file has %zu bytes, %.0f %% %s than "
-                       "asked for; %s --primitives would be nearer", n,
-                       100 * fabs(off), off > 0 ? "more" : "fewer",
+        saga_cli_error(0,
+                       "encode: the file has %zu bytes, %.0f %% %s than "
+                       "asked for; %s --primitives would be nearer",
+                       n, 100 * fabs(off), off > 0 ? "more" : "fewer",
                        off > 0 ? "fewer" : "more");
 }
 
@@ -127,14 +133,15 @@ static bool take_out(saga_bytes *out, saga_encode_session *s)
     /* Without a base, the file in memory holds this segment and the one that
      * made the networks, ordered by time. */
     part.first = only > first && !saga_encode_has_base(s)
-        ? saga_encode_frames(s, first) : 0;
+                     ? saga_encode_frames(s, first)
+                     : 0;
     part.end = part.first + saga_encode_frames(s, only);
     return saga_splice(&out->data, &out->nbytes, &part, 1, &s->error);
 }
 
 static bool write_bytes(saga_encode_session *s, const uint8_t *bytes, size_t n)
 {
-    tell_size(s, n);
+    print_size(s, n);
     return saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
                              &s->error);
 }
@@ -152,8 +159,8 @@ static bool write_all(saga_encode_session *s)
 static bool write_part(saga_encode_session *s)
 {
     const uint32_t only = (uint32_t)s->o->only;
-    const saga_part_record record = { only, only + 1,
-                                      (uint32_t)s->n_segments, 0 };
+    const saga_part_record record = { only, only + 1, (uint32_t)s->n_segments,
+                                      0 };
     saga_bytes part = { NULL, 0 };
     const bool ok = take_out(&part, s) &&
                     saga_part_write(s->o->output, part.data, part.nbytes,
@@ -175,11 +182,12 @@ static bool write_networks(saga_encode_session *s)
 int saga_encode_write(saga_encode_session *s)
 {
     if (s->o->networks_only ? write_networks(s)
-        : s->o->networks ? write_part(s) : write_all(s))
+        : s->o->networks    ? write_part(s)
+                            : write_all(s))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
                           saga_path_is_file(s->checkpoint)
-                          ? "then --resume writes the file again"
-                          : "the training is lost, because there is no "
-                            "checkpoint");
+                              ? "then --resume writes the file again"
+                              : "the training is lost, because there is no "
+                                "checkpoint");
 }

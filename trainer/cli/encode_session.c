@@ -55,8 +55,7 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
     /* PSNR and bits are shown as soon as they are known. */
     if (p->psnr > 0)
-        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
-                      p->psnr);
+        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB", p->psnr);
     if (p->bits > 0)
         snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
                  p->bits / 1e3);
@@ -67,20 +66,23 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
 int saga_encode_failed(const saga_encode_session *s, int status)
 {
     return saga_path_is_file(s->checkpoint)
-        ? saga_cli_error(status, "encode: %s; %s is kept, and the same command "
-                         "with --resume goes on from there", s->error.message,
-                         s->checkpoint)
-        : saga_cli_error(status, "encode: %s", s->error.message);
+               ? saga_cli_error(status,
+                                "encode: %s; %s is kept, and the same command "
+                                "with --resume goes on from there",
+                                s->error.message, s->checkpoint)
+               : saga_cli_error(status, "encode: %s", s->error.message);
 }
 
 int saga_encode_stopped(const saga_encode_session *s)
 {
     if (saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: stopped by %s; the "
                               "same command with --resume continues from %s",
                               *s->signal == SIGINT ? "Ctrl-C" : "a signal",
                               s->checkpoint);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, but no "
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "encode: stopped, but no "
                           "checkpoint could be written; the training is lost");
 }
 
@@ -125,7 +127,7 @@ static void use_refined(const saga_encode_session *s, saga_capture *capture)
 {
     for (int v = 0; s->refined && v < capture->n_views; v++) {
         const saga_encode_camera *const from = &s->refined[v];
-        saga_shot *const to = &capture->views[v];
+        saga_source_view *const to = &capture->views[v];
 
         memcpy(to->rotation, from->rotation, sizeof to->rotation);
         memcpy(to->translation, from->translation, sizeof to->translation);
@@ -141,7 +143,8 @@ int saga_encode_not_loaded(const saga_encode_session *s)
     if (*s->signal && saga_path_is_file(s->checkpoint))
         return saga_encode_stopped(s);
     if (*s->signal)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: stopped while loading "
                               "the capture; nothing was written");
     return saga_encode_failed(s, SAGA_EXIT_DATA);
 }
@@ -177,9 +180,9 @@ static int open_base(saga_encode_session *s)
      * saga_still_add are reported below. */
     for (int i = 0; !status && ok && i < s->n_segments; i++) {
         status = open_segment(s, i);
-        ok = status || saga_still_add(&still, &s->capture,
-                                      saga_encode_begin(s, i),
-                                      s->whole.n_frames, &s->error);
+        ok = status ||
+             saga_still_add(&still, &s->capture, saga_encode_begin(s, i),
+                            s->whole.n_frames, &s->error);
     }
     saga_capture_free(&s->capture);
     if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
@@ -190,11 +193,10 @@ static int open_base(saga_encode_session *s)
 
 int saga_encode_load(saga_encode_session *s, int segment)
 {
-    return segment == SAGA_TRAIN_BASE ? open_base(s)
-                                      : open_segment(s, segment);
+    return segment == SAGA_TRAIN_BASE ? open_base(s) : open_segment(s, segment);
 }
 
-void saga_encode_tell_notes(const char *notes, size_t nbytes)
+void saga_encode_print_notes(const char *notes, size_t nbytes)
 {
     for (const char *line = notes; line < notes + nbytes;) {
         const int n = (int)strcspn(line, "\n");

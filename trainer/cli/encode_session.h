@@ -23,11 +23,11 @@
 /* The file cut after a layer, and its quality as the integer decoder decodes
  * it. */
 typedef struct saga_encode_cut {
-    saga_bytes bytes;            /* bytes of the film, while it is open */
+    saga_bytes bytes; /* bytes of the film, while it is open */
     saga_film film;
     size_t nbytes;
-    double sum[2];               /* sums of PSNRs in dB: training, held out */
-    int n[2];                    /* number of pictures in them */
+    double sum[2]; /* sums of PSNRs in dB: training, held out */
+    int n[2];      /* number of pictures in them */
     saga_quality quality;
 } saga_encode_cut;
 
@@ -35,9 +35,9 @@ typedef struct saga_encode_cut {
  * not depend on the size at which pictures are loaded. */
 typedef struct saga_encode_camera {
     double rotation[9], translation[3]; /* world to camera */
-    double focal[2];             /* factors of fx and fy */
-    double centre[2];            /* shifts of cx and cy, in focal lengths before
-                                  * the refinement */
+    double focal[2];                    /* factors of fx and fy */
+    double centre[2]; /* shifts of cx and cy, in focal lengths before
+                       * the refinement */
 } saga_encode_camera;
 
 /* A session holds everything that is open, and the results. */
@@ -45,40 +45,40 @@ typedef struct saga_encode_session {
     const saga_encode_options *o;
     const saga_preset *preset;
     const volatile sig_atomic_t *signal; /* the signal that asked to stop; 0:
-                              * none */
+                                          * none */
     const char *capture_name;
-    double part;                 /* primitives in a sweep, as a fraction of the
-                                  * largest file's; 0: no sweep */
+    double part; /* primitives in a sweep, as a fraction of the
+                  * largest file's; 0: no sweep */
     char *checkpoint;
     saga_ablation ablation;
-    saga_capture whole;          /* the capture's listing, without pictures */
+    saga_capture whole; /* the capture's listing, without pictures */
     int n_segments;
-    bool finished;               /* --resume found the finished file */
-    int scale; /* pictures are loaded at 1/scale of their size */
-    char *late;                  /* what was found instead of --late; NULL:
-                                  * nothing was looked for */
-    saga_encode_camera *refined; /* (views) NULL: cameras are not refined */
+    bool finished; /* --resume found the finished file */
+    int scale;     /* pictures are loaded at 1/scale of their size */
+    char *late;    /* what was found instead of --late; NULL:
+                    * nothing was looked for */
+    saga_encode_camera *refined;  /* (views) NULL: cameras are not refined */
     double fit_before, fit_after; /* error of the test matches in pixels, if
-                                  * they are */
-    saga_capture capture;        /* the segment in memory */
+                                   * they are */
+    saga_capture capture;         /* the segment in memory */
     saga_train *train;
-    saga_quality decoded;  /* quality of the written file, by the integer
-                            * decoder */
-    saga_quality evened;   /* the same, compared with pictures whose exposure is
-                            * evened out as in training; 0 pictures: exposures
-                            * are equal */
+    saga_quality decoded; /* quality of the written file, by the integer
+                           * decoder */
+    saga_quality evened;  /* the same, compared with pictures whose exposure is
+                           * evened out as in training; 0 pictures: exposures
+                           * are equal */
     saga_quality agreement; /* PSNR between decoded pictures and the float
                              * model's pictures for the same symbols */
-    saga_verdict verdict;        /* over the training views */
+    saga_verdict verdict;   /* over the training views */
     saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
-                              * except the last */
-    saga_output out; /* opened at the start, which reserves the name */
-    saga_layout layout;          /* layout of the finished file */
+                                           * except the last */
+    saga_output out;    /* opened at the start, which reserves the name */
+    saga_layout layout; /* layout of the finished file */
     saga_encode_log log;
     saga_error error;
     saga_meter meter;
-    size_t wanted; /* requested size of the file in bytes; 0: none */
-    saga_plan_reasons why;       /* reasons for what was planned */
+    size_t wanted;         /* requested size of the file in bytes; 0: none */
+    saga_plan_reasons why; /* reasons for what was planned */
     double started, log_began;
 } saga_encode_session;
 
@@ -110,7 +110,7 @@ int saga_encode_synchronise(saga_encode_session *s);
 /* --- Poses --------------------------------------------------------------- */
 
 /* Reports notes, which are lines. */
-void saga_encode_tell_notes(const char *notes, size_t nbytes);
+void saga_encode_print_notes(const char *notes, size_t nbytes);
 
 /* Looks at the first pictures of all cameras: names those that are wrong, and
  * refines poses and lenses if that helps, unless --no-refine is given. */
@@ -146,6 +146,6 @@ double saga_encode_exposure(const saga_encode_session *s);
 json_t *saga_encode_report(const saga_encode_session *s);
 
 /* Prints the report about the file, the part or the networks. */
-int saga_encode_tell(const saga_encode_session *s);
+int saga_encode_print_report(const saga_encode_session *s);
 
 #endif

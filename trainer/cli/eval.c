@@ -25,14 +25,14 @@ typedef saga_eval_request options;
 typedef struct {
     const options *o;
     const char *file_name, *capture_name;
-    bool is_folder;          /* file_name is a folder of pictures instead of a
-                              * .saga file */
+    bool is_folder; /* file_name is a folder of pictures instead of a
+                     * .saga file */
     saga_capture pictures;
     saga_bytes bytes;
     saga_film film;
     saga_layout layout;
     saga_capture capture;
-    saga_lpips *lpips;       /* NULL: not wanted */
+    saga_lpips *lpips; /* NULL: not wanted */
     saga_eval eval;
     saga_error error;
 } session;
@@ -55,10 +55,14 @@ static bool has_motion(const saga_eval *e)
 static bool is_shown(const session *s, const saga_metric_row *m)
 {
     switch (m->need) {
-    case SAGA_NEEDS_MOTION: return has_motion(&s->eval);
-    case SAGA_NEEDS_EQUIRECT: return s->o->equirect;
-    case SAGA_NEEDS_LPIPS: return s->lpips != NULL;
-    default: return true;
+    case SAGA_NEEDS_MOTION:
+        return has_motion(&s->eval);
+    case SAGA_NEEDS_EQUIRECT:
+        return s->o->equirect;
+    case SAGA_NEEDS_LPIPS:
+        return s->lpips != NULL;
+    default:
+        return true;
     }
 }
 
@@ -137,11 +141,12 @@ static json_t *times_of(const saga_film *film)
 {
     const saga_stage_times *const t = &film->times;
 
-    return json_pack("{sisfsfsfsfsIsI}", "threads", film->n_threads,
-        "head", 1e3 * t->head, "segment", each(t->segment, t->n_segments),
-        "view", each(t->view, t->n_views), "draw", each(t->draw, t->n_views),
-        "n_segments", (json_int_t)t->n_segments,
-        "n_views", (json_int_t)t->n_views);
+    return json_pack("{sisfsfsfsfsIsI}", "threads", film->n_threads, "head",
+                     1e3 * t->head, "segment", each(t->segment, t->n_segments),
+                     "view", each(t->view, t->n_views), "draw",
+                     each(t->draw, t->n_views), "n_segments",
+                     (json_int_t)t->n_segments, "n_views",
+                     (json_int_t)t->n_views);
 }
 
 /* Adds bytes and decoding times. A still has no bit rate. */
@@ -167,9 +172,10 @@ static json_t *cameras_of(const saga_eval *e)
     json_t *const list = json_array();
 
     for (int i = 0; i < e->n_views; i++)
-        saga_put_item(list, json_pack("{sss[ii]sb}",
-            "name", e->view[i].name, "resolution", e->view[i].width,
-            e->view[i].height, "held_out", (int)e->view[i].held_out));
+        saga_put_item(list, json_pack("{sss[ii]sb}", "name", e->view[i].name,
+                                      "resolution", e->view[i].width,
+                                      e->view[i].height, "held_out",
+                                      (int)e->view[i].held_out));
     return list;
 }
 
@@ -197,8 +203,8 @@ static void put_metrics(json_t *o, const session *s)
         if (m->need == SAGA_NEEDS_LPIPS)
             says = s->lpips ? saga_lpips_text(s->lpips) : NULL;
         if (says && m->label && is_shown(s, m))
-            saga_put_item(list, json_pack("{ssss}", "label", m->label, "says",
-                                          says));
+            saga_put_item(list,
+                          json_pack("{ssss}", "label", m->label, "says", says));
         if (m->need == SAGA_NEEDS_EQUIRECT && !s->o->equirect)
             says = "PSNR-Y: no projection all round";
         if (says && key[0])
@@ -214,17 +220,18 @@ static json_t *protocol_of(const session *s)
     json_t *const o = json_object();
 
     /* The source of the decoded pictures. */
-    saga_put_text(o, "decoder", s->is_folder
-                  ? "another codec's, 8 bits"
-                  : "integer, from the closed file, 8 bits");
-    saga_put_text(o, "/pictures", s->is_folder
-                  ? "as another codec left them, 8 bits"
-                  : "of the integer decoder, from the file alone, 8 bits");
+    saga_put_text(o, "decoder",
+                  s->is_folder ? "another codec's, 8 bits"
+                               : "integer, from the closed file, 8 bits");
+    saga_put_text(o, "/pictures",
+                  s->is_folder
+                      ? "as another codec left them, 8 bits"
+                      : "of the integer decoder, from the file alone, 8 bits");
     /* Frames of the capture, and the frames of the file that show them. */
     saga_put_text(o, "capture", s->capture_name);
     saga_put_text(o, "format", c->format);
-    saga_put(o, "frames", json_pack("[ii]", c->first_frame,
-                                    c->first_frame + c->n_frames));
+    saga_put(o, "frames",
+             json_pack("[ii]", c->first_frame, c->first_frame + c->n_frames));
     saga_put_int(o, "/last", c->first_frame + c->n_frames - 1);
     saga_put_int(o, "/n_frames", c->n_frames);
     saga_put_int(o, "/n_views", c->n_views);
@@ -290,7 +297,8 @@ static const saga_line file_text[] = {
     SAGA_BYTES_LINES,
     { "", NULL, "  file               {nbytes:%12d}  " },
     { "!bits_per_second", NULL, "a still scene\n" },
-    { "bits_per_second", NULL, "{bits_per_second:%.0f} bit/s, "
+    { "bits_per_second", NULL,
+      "{bits_per_second:%.0f} bit/s, "
       "{/frame_nbytes:%.0f} bytes per frame\n" },
     { "", NULL,
       "\ndecoding, ms on the wall ({decode_ms.threads} "
@@ -304,21 +312,23 @@ static const saga_line file_text[] = {
 };
 
 static const saga_line protocol_text[] = {
-    { "", NULL, "\nprotocol\n"
+    { "", NULL,
+      "\nprotocol\n"
       "  pictures  {protocol./pictures}\n"
       "  capture   {protocol.capture} ({protocol.format}), "
       "{protocol./n_views} views\n"
       "  frames    {protocol.frames.0} " },
-    { "protocol./n_frames>1", NULL,
-      "to {protocol./last} of it, all compared" },
+    { "protocol./n_frames>1", NULL, "to {protocol./last} of it, all compared" },
     { "protocol./n_frames=1", NULL, "of it alone" },
-    { "protocol./is_part", NULL, "; the file's from {protocol.file_frames.0} "
+    { "protocol./is_part", NULL,
+      "; the file's from {protocol.file_frames.0} "
       "on, and no others" },
     { "", NULL, "\n  size      " },
     { "protocol./is_one_size", NULL, "{views.0.width} x {views.0.height}" },
     { "!^protocol./is_one_size", "views", "{/comma}{width} x {height}" },
     { "protocol.scale=1", NULL, " pixels, as loaded\n" },
-    { "!protocol.scale=1", NULL, " pixels, 1/{protocol.scale} by means of "
+    { "!protocol.scale=1", NULL,
+      " pixels, 1/{protocol.scale} by means of "
       "{protocol.scale} x {protocol.scale} boxes\n" },
     { "", "protocol./metrics", "  {label:%-9s} {says}\n" },
     { "", NULL, "  mean      over views, each the mean over its frames\n" }
@@ -337,19 +347,21 @@ static int append(saga_line *to, int n, const saga_line *lines, int more)
 static int tell(const session *s)
 {
     const columns first = columns_of(s, 1), more = columns_of(s, 2);
-    const saga_line scores[] = {
-        { "", NULL, "{file} against {protocol.capture}\n\n" },
-        { "", NULL, first.head }, { "", "/rows", first.row },
-        { "", NULL, "\n" }, { "", NULL, more.head }, { "", "/rows", more.row }
-    };
-    const saga_telling how = { s->o->json, 9, s->file_name };
+    const saga_line scores[] = { { "", NULL,
+                                   "{file} against {protocol.capture}\n\n" },
+                                 { "", NULL, first.head },
+                                 { "", "/rows", first.row },
+                                 { "", NULL, "\n" },
+                                 { "", NULL, more.head },
+                                 { "", "/rows", more.row } };
+    const saga_print_style how = { s->o->json, 9, s->file_name };
     saga_line all[MOST_LINES];
     int n = append(all, 0, SAGA_LINES(scores));
 
     if (!s->is_folder)
         n = append(all, n, SAGA_LINES(file_text));
     n = append(all, n, SAGA_LINES(protocol_text));
-    return saga_cli_tell(report_of(s), &how, all, n);
+    return saga_cli_print_report(report_of(s), &how, all, n);
 }
 
 /* --- Together ------------------------------------------------------------ */
@@ -363,15 +375,17 @@ static int open_file(session *s)
 {
     if (!saga_read_file(&s->bytes, s->file_name, &s->error))
         return give_up(s, SAGA_EXIT_USAGE);
-    if (!saga_film_open(&s->film, s->file_name, s->bytes.data,
-                        s->bytes.nbytes, s->o->capture.threads, &s->error))
+    if (!saga_film_open(&s->film, s->file_name, s->bytes.data, s->bytes.nbytes,
+                        s->o->capture.threads, &s->error))
         return give_up(s, SAGA_EXIT_DATA);
     if (!saga_layout_read(&s->layout, s->file_name, s->bytes.data,
                           s->bytes.nbytes, &s->error))
         return give_up(s, SAGA_EXIT_DATA);
     if (s->layout.damage[0])
-        return saga_cli_error(SAGA_EXIT_DATA, "eval: %s: %s; copy the file "
-                              "again", s->file_name, s->layout.damage);
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "eval: %s: %s; copy the file "
+                              "again",
+                              s->file_name, s->layout.damage);
     return SAGA_EXIT_OK;
 }
 
@@ -423,14 +437,15 @@ static bool match(session *s)
 static int compare(session *s)
 {
     saga_meter meter = { .quiet = s->o->quiet };
-    const saga_eval_options o = {
-        .pictures = s->o->pictures,
-        .score = { .no_ssim = s->o->no_ssim, .equirect = s->o->equirect,
-                   .lpips = s->lpips },
-        .progress = saga_meter_progress, .progress_user = &meter
-    };
+    const saga_eval_options o = { .pictures = s->o->pictures,
+                                  .score = { .no_ssim = s->o->no_ssim,
+                                             .equirect = s->o->equirect,
+                                             .lpips = s->lpips },
+                                  .progress = saga_meter_progress,
+                                  .progress_user = &meter };
     const saga_eval_maker maker = {
-        .name = s->file_name, .n_threads = s->o->capture.threads,
+        .name = s->file_name,
+        .n_threads = s->o->capture.threads,
         .draw = s->is_folder ? saga_eval_draw_pictures : saga_eval_draw_film,
         .state = s->is_folder ? (void *)&s->pictures : (void *)&s->film
     };
@@ -463,7 +478,7 @@ static int judge(session *s)
     return status ? status : compare(s);
 }
 
-static void end(session *s)
+static void free_session(session *s)
 {
     saga_eval_free(&s->eval);
     saga_lpips_free(s->lpips);
@@ -477,18 +492,18 @@ static void end(session *s)
 int saga_eval_judge(json_t **report, const char *file, const char *capture,
                     const saga_eval_request *request)
 {
-    session s = {
-        .o = request, .file_name = file, .capture_name = capture,
-        .is_folder = saga_path_is_folder(file)
-    };
+    session s = { .o = request,
+                  .file_name = file,
+                  .capture_name = capture,
+                  .is_folder = saga_path_is_folder(file) };
     const int status = judge(&s);
 
     *report = status ? NULL : report_of(&s);
-    end(&s);
+    free_session(&s);
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_eval(int argc, char **argv)
 {
     options o = { .capture = SAGA_CAPTURE_CHOICE };
     const char *names[2];
@@ -505,42 +520,46 @@ static int run(int argc, char **argv)
     s.is_folder = saga_path_is_folder(s.file_name);
     /* A name that JSON cannot hold is refused before the work. */
     for (int i = 0; !status && o.json && i < 2; i++)
-        status = saga_cli_json_can_tell("eval", names[i]);
+        status = saga_cli_json_can_name("eval", names[i]);
     if (!status)
         status = judge(&s);
     if (!status)
         status = tell(&s);
-    end(&s);
+    free_session(&s);
     return status;
 }
 
 static const saga_cli_option option_list[] = {
     { "--json", NULL,
       "print the report as JSON; null stands for an infinite or\n"
-      "undefined value", saga_cli_flag, offsetof(options, json), 0, 0 },
+      "undefined value",
+      saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet),
     { "--compare", "A:B", "compare only frames A to B - 1 of the file",
       saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
     { "--pictures", "DIR",
       "write the middle frame of each view to DIR: filmed,\n"
-      "decoded, and 4 times the difference, side by side", saga_cli_text,
-      offsetof(options, pictures), 0, 0 },
+      "decoded, and 4 times the difference, side by side",
+      saga_cli_text, offsetof(options, pictures), 0, 0 },
     { "--no-ssim", NULL,
       "leave out SSIM, MS-SSIM and IV-PSNR, which take most of\n"
-      "the time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
+      "the time",
+      saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
     { "--lpips", "FILE.npz",
       "measure LPIPS too, with the weights in this file;\n"
-      "docs/metrics.md says where to get them", saga_cli_text,
-      offsetof(options, weights), 0, 0 },
+      "docs/metrics.md says where to get them",
+      saga_cli_text, offsetof(options, weights), 0, 0 },
     { "--equirect", NULL,
       "the pictures are equirectangular: measure WS-PSNR too,\n"
-      "and weight IV-PSNR accordingly", saga_cli_flag, offsetof(options,
-      equirect), 0, 0 },
+      "and weight IV-PSNR accordingly",
+      saga_cli_flag, offsetof(options, equirect), 0, 0 },
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
 
 const saga_command saga_command_eval = {
-    "eval", "FILE CAPTURE", 2,
+    "eval",
+    "FILE CAPTURE",
+    2,
     "measures a file: PSNR, SSIM, bytes, time",
     "Decodes every frame of a .saga file for every camera of the capture from\n"
     "which it was made, with the integer decoder, and compares the pictures\n"
@@ -561,5 +580,8 @@ const saga_command saga_command_eval = {
     "A capture with other cameras, another number of frames or another frame\n"
     "rate than the file is refused. FILE may also be a folder: a capture of\n"
     "the same cameras whose pictures another codec decoded.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_eval,
+    NULL
 };

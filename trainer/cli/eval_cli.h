@@ -10,13 +10,13 @@
 #include <jansson.h>
 
 typedef struct saga_eval_request {
-    bool json;                   /* print JSON */
-    bool quiet;                  /* show no progress */
+    bool json;  /* print JSON */
+    bool quiet; /* show no progress */
     bool no_ssim, equirect;
     saga_capture_choice capture;
     saga_cli_pair only; /* evaluate only these frames of the file; 0, 0: all */
-    const char *pictures;        /* folder for pictures; NULL: write none */
-    const char *weights; /* file with the weights for LPIPS; NULL: no LPIPS */
+    const char *pictures; /* folder for pictures; NULL: write none */
+    const char *weights;  /* file with the weights for LPIPS; NULL: no LPIPS */
 } saga_eval_request;
 
 /* Evaluates a file against a capture, as `saga eval --json` does; request->json

@@ -31,9 +31,9 @@ typedef struct {
     const options *o;
     saga_film film;
     saga_film_colours colours;
-    bool unwritten;          /* the error is about an output */
-    size_t n_splats;         /* in all frames, and of these those with scales */
-    size_t beyond[2];        /* and with colours that the format clamps */
+    bool unwritten;   /* the error is about an output */
+    size_t n_splats;  /* in all frames, and of these those with scales */
+    size_t beyond[2]; /* and with colours that the format clamps */
     saga_error error;
 } session;
 
@@ -42,8 +42,7 @@ static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
     const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
     const saga_colouring how = { s->o->camera, s->o->degree };
 
-    if (!saga_film_cloud(cloud, &s->colours, &s->film, frame, how,
-                         &s->error))
+    if (!saga_film_cloud(cloud, &s->colours, &s->film, frame, how, &s->error))
         return false;
     s->n_splats += cloud->n;
     for (int of = 0; of < 2; of++)
@@ -59,32 +58,35 @@ static bool written(session *s, bool ok)
 }
 
 /* Reports the error of the fitted colours, if any were fitted. */
-static void tell_colours(const session *s)
+static void note_colours(const session *s)
 {
     if (s->colours.rms > 0.0)
         printf("colours: harmonics of degree %d; as the cameras see them, off "
-               "by %.1f of 255 (RMS)\n", s->colours.degree,
-               255.0 * s->colours.rms);
+               "by %.1f of 255 (RMS)\n",
+               s->colours.degree, 255.0 * s->colours.rms);
 }
 
 /* Says what the format could not hold. */
-static void tell_beyond(const session *s)
+static void print_beyond(const session *s)
 {
     const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
     const float *const range = format->limits.log_scale;
 
     if (s->beyond[0])
-        (void)saga_cli_error(SAGA_EXIT_OK, "export: %s: %zu of %zu splats have "
+        (void)saga_cli_error(SAGA_EXIT_OK,
+                             "export: %s: %zu of %zu splats have "
                              "scales beyond the %.3g to %.3g units of %s, and "
                              "are clamped; .ply, .glb and .sog hold them",
                              s->o->out, s->beyond[0], s->n_splats,
                              exp((double)range[0]), exp((double)range[1]),
                              format->name);
     if (s->beyond[1])
-        (void)saga_cli_error(SAGA_EXIT_OK, "export: %s: %zu of %zu splats have "
+        (void)saga_cli_error(SAGA_EXIT_OK,
+                             "export: %s: %zu of %zu splats have "
                              "colours beyond those of %s, and are clamped; "
-                             ".ply, .glb and .sog hold them", s->o->out,
-                             s->beyond[1], s->n_splats, format->name);
+                             ".ply, .glb and .sog hold them",
+                             s->o->out, s->beyond[1], s->n_splats,
+                             format->name);
 }
 
 /* --- A file a frame ------------------------------------------------------ */
@@ -120,14 +122,14 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
         char doing[64];
 
         ok = write_part(s, folder, pattern, i);
-        (void)snprintf(doing, sizeof doing, "frame %" PRIu32 " of %" PRIu32,
-                       i, s->film.info.n_frames);
+        (void)snprintf(doing, sizeof doing, "frame %" PRIu32 " of %" PRIu32, i,
+                       s->film.info.n_frames);
         saga_meter_show(&meter, (i - first + 1.0) / (end - first), doing);
     }
     saga_meter_end(&meter);
     if (ok)
         saga_cli_print("%s: %" PRIu32 " frames, %.0f splats a frame", s->o->out,
-               end - first, (double)s->n_splats / (end - first));
+                       end - first, (double)s->n_splats / (end - first));
     return ok;
 }
 
@@ -142,9 +144,10 @@ static bool write_folder(session *s, const char *path, const char *pattern)
     if (!written(s, folder != NULL))
         return false;
     ok = fill_folder(s, folder, pattern) &&
-         written(s, rename(folder, path) == 0 || saga_fail_errno(
-             &s->error, path, "remove it or choose another name",
-             "exists already"));
+         written(s, rename(folder, path) == 0 ||
+                        saga_fail_errno(&s->error, path,
+                                        "remove it or choose another name",
+                                        "exists already"));
     /* The lock is released first, because saga_output_sweep removes only what
      * is not locked. */
     close(lock);
@@ -200,10 +203,10 @@ static bool write_frame(session *s)
     return ok;
 }
 
-static void tell_all(const session *s)
+static void print_limits(const session *s)
 {
-    tell_colours(s);
-    tell_beyond(s);
+    note_colours(s);
+    print_beyond(s);
 }
 
 static int export_all(session *s, const char *name, const saga_bytes *bytes)
@@ -213,7 +216,7 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
         (saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
-        tell_all(s);
+        print_limits(s);
     else
         status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
     if (status)
@@ -233,19 +236,24 @@ static int check_sequence(const options *o)
 
     /* The folder must be new, because it is renamed as a whole. */
     if (!strchr(o->out, '/'))
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: a sequence needs "
-                              "a new folder; name it, as in frames/%s", o->out,
-                              o->out);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: %s: a sequence needs "
+                              "a new folder; name it, as in frames/%s",
+                              o->out, o->out);
     folder = folder_of(o->out, &error);
     if (!folder)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: %s", error.message);
     if (strchr(folder, '%'))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: the number is "
+        status = saga_cli_error(SAGA_EXIT_USAGE,
+                                "export: %s: the number is "
                                 "in the folder's name; put it after the last "
-                                "slash", o->out);
+                                "slash",
+                                o->out);
     else if (access(folder, F_OK) == 0)
-        status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: exists; remove "
-                                "it or choose another name", folder);
+        status = saga_cli_error(SAGA_EXIT_USAGE,
+                                "export: %s: exists; remove "
+                                "it or choose another name",
+                                folder);
     free(folder);
     return status;
 }
@@ -256,14 +264,16 @@ static int check_options(const options *o)
 
     if (!o->out)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: -o OUT is missing; "
-                              "see `saga help export`");
+                                               "see `saga help export`");
     saga_cloud_suffixes(known);
     if (!saga_cloud_format_of(o->out))
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: its ending "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: %s: its ending "
                               "belongs to no splat format; use one of %s",
                               o->out, known);
     if (saga_is_numbered(o->out) ? o->frame >= 0 : o->frames.a || o->frames.b)
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: --frame N is for a "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: --frame N is for a "
                               "single file, --frames A:B for a sequence, which "
                               "has a number in its name, like "
                               "frames/%%04d.ply; one of them does not fit %s",
@@ -284,7 +294,7 @@ static void print_formats(void)
     }
 }
 
-static int run(int argc, char **argv)
+static int run_export(int argc, char **argv)
 {
     options o = { .frame = -1, .camera = -1, .degree = 1 };
     session s = { .o = &o, .colours = { .segment = -1 } };
@@ -305,9 +315,10 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the file; its ending chooses the format. With %d or %04d\n"
-      "in the name, a file for each frame", saga_cli_text, offsetof(options,
-      out), 0, 0 },
+    { "-o", "OUT",
+      "the file; its ending chooses the format. With %d or %04d\n"
+      "in the name, a file for each frame",
+      saga_cli_text, offsetof(options, out), 0, 0 },
     { "--frame", "N", "which frame (default 0)", saga_cli_int,
       offsetof(options, frame), 0, INT32_MAX },
     { "--frames", "A:B", "write only frames A to B - 1 of a sequence",
@@ -315,16 +326,19 @@ static const saga_cli_option option_list[] = {
     { "--sh", "0|1|2|3",
       "degree of the spherical harmonics that describe how\n"
       "colours depend on the view (default 1). They are fitted\n"
-      "to what the decoder shows to the cameras of the file", saga_cli_int,
-      offsetof(options, degree), 0, SAGA_MAX_DEGREE },
+      "to what the decoder shows to the cameras of the file",
+      saga_cli_int, offsetof(options, degree), 0, SAGA_MAX_DEGREE },
     { "--camera", "N",
       "take the colours that camera N of the file sees, instead\n"
-      "of fitting them", saga_cli_int, offsetof(options, camera), 0, 65535 },
+      "of fitting them",
+      saga_cli_int, offsetof(options, camera), 0, 65535 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_export = {
-    "export", "FILE", 1,
+    "export",
+    "FILE",
+    1,
     "writes the splats as PLY, SPZ, glTF or SOG",
     "Writes the splats of one or several frames of a .saga file, for viewers\n"
     "and editors of Gaussian splatting. Lengths are in the capture's units.\n"
@@ -343,6 +357,8 @@ const saga_command saga_command_export = {
     "0.3 square pixels, saga by 0.1; and viewers compute with floats.\n"
     "docs/results/export.md has the size of each effect, and how much each\n"
     "format rounds.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run,
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_export,
     print_formats
 };

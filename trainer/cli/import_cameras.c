@@ -17,18 +17,18 @@
 enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400 };
 
 #define FIELD_OF_VIEW 45.0
-#define DISTANCE 2.5             /* distance from the centre, in radii of the
-                                  * scene */
+/* Distance from the centre, in radii of the scene. */
+#define DISTANCE 2.5
 
-static bool alloc_shots(saga_import_cameras *s, int n)
+static bool alloc_views(saga_import_cameras *s, int n)
 {
-    s->shot = saga_calloc((size_t)n, sizeof *s->shot, "cameras", s->error);
-    s->n_shots = s->shot ? n : 0;
-    for (int i = 0; i < s->n_shots; i++) {
-        (void)snprintf(s->shot[i].name, sizeof s->shot[i].name, "%d", i);
-        s->shot[i].focal_scale = 1.0;
+    s->view = saga_calloc((size_t)n, sizeof *s->view, "cameras", s->error);
+    s->n_views = s->view ? n : 0;
+    for (int i = 0; i < s->n_views; i++) {
+        (void)snprintf(s->view[i].name, sizeof s->view[i].name, "%d", i);
+        s->view[i].focal_scale = 1.0;
     }
-    return s->shot != NULL;
+    return s->view != NULL;
 }
 
 static int width_of(const saga_import_cameras *s, int otherwise)
@@ -49,12 +49,12 @@ static bool ring(saga_import_cameras *s)
     double centre[3], radius;
 
     if (!saga_cloud_extent(centre, &radius, s->first, s->error) ||
-        !alloc_shots(s, N_RINGS * N_ROUND))
+        !alloc_views(s, N_RINGS * N_ROUND))
         return false;
     /* The rings are 15 degrees below the centre, 15 and 45 degrees above it.
      * Each is turned by half a step relative to the one below. Higher means
      * smaller y. */
-    for (int i = 0; i < s->n_shots; i++) {
+    for (int i = 0; i < s->n_views; i++) {
         saga_path_camera c = { .fov = FIELD_OF_VIEW };
         const double lift = (i / N_ROUND - 0.5) * M_PI / 6;
         const double turn = 2 * M_PI * (i % N_ROUND + 0.5 * (i / N_ROUND)) /
@@ -64,11 +64,11 @@ static bool ring(saga_import_cameras *s)
         c.centre[1] = centre[1] - DISTANCE * radius * sin(lift);
         c.centre[2] = centre[2] + DISTANCE * radius * cos(lift) * sin(turn);
         (void)saga_look_at(c.rotation, c.centre, centre, up);
-        saga_path_shot(&s->shot[i], &c, w, h);
+        saga_path_view(&s->view[i], &c, w, h);
         /* The sphere with four fifths of the opacity is 1.5 to 3.5 radii away;
          * the depth range has room for splats outside it. */
-        s->shot[i].near_depth = 0.8 * radius;
-        s->shot[i].far_depth = 4.5 * radius;
+        s->view[i].near_depth = 0.8 * radius;
+        s->view[i].far_depth = 4.5 * radius;
     }
     return true;
 }
@@ -81,12 +81,12 @@ static bool path_cameras(saga_import_cameras *s)
     if (!saga_path_read(&path, s->file, s->error))
         return false;
     ok = path.n <= SAGA_MAX_CAMERAS
-        ? alloc_shots(s, path.n)
-        : saga_fail(s->error, s->file, "use a path with fewer pictures",
-                    "has %d "
-                    "pictures, more than the %d cameras of a file", path.n,
-                    SAGA_MAX_CAMERAS);
-    for (int i = 0; i < s->n_shots && ok; i++) {
+             ? alloc_views(s, path.n)
+             : saga_fail(s->error, s->file, "use a path with fewer pictures",
+                         "has %d "
+                         "pictures, more than the %d cameras of a file",
+                         path.n, SAGA_MAX_CAMERAS);
+    for (int i = 0; i < s->n_views && ok; i++) {
         const saga_path_camera *const c = &path.camera[i];
         /* --size takes precedence. Without it, a camera with a lens has the
          * lens's size, and a camera with a field of view has the path's
@@ -94,7 +94,7 @@ static bool path_cameras(saga_import_cameras *s)
         const int width = c->fov > 0.0 ? path.width : c->lens.width;
         const int height = c->fov > 0.0 ? path.height : c->lens.height;
 
-        saga_path_shot(&s->shot[i], c, width_of(s, width ? width : SIDE),
+        saga_path_view(&s->view[i], c, width_of(s, width ? width : SIDE),
                        height_of(s, height ? height : SIDE));
     }
     saga_path_free(&path);
@@ -110,13 +110,12 @@ static bool rig_cameras(saga_import_cameras *s)
 
     if (!saga_read_file(&bytes, s->file, s->error))
         return false;
-    ok = saga_film_open(&film, s->file, bytes.data, bytes.nbytes, 1,
-                        s->error) &&
-         (film.info.n_cameras > 0 ||
-          saga_fail(s->error, s->file, "give another file",
-                    "has no cameras")) &&
-         alloc_shots(s, (int)film.info.n_cameras);
-    for (int i = 0; i < s->n_shots && ok; i++) {
+    ok =
+        saga_film_open(&film, s->file, bytes.data, bytes.nbytes, 1, s->error) &&
+        (film.info.n_cameras > 0 ||
+         saga_fail(s->error, s->file, "give another file", "has no cameras")) &&
+        alloc_views(s, (int)film.info.n_cameras);
+    for (int i = 0; i < s->n_views && ok; i++) {
         saga_camera c;
         uint32_t number;
 
@@ -125,7 +124,7 @@ static bool rig_cameras(saga_import_cameras *s)
         if (ok && s->size.a)
             saga_camera_resize(&c, s->size.a, s->size.b);
         if (ok)
-            saga_shot_of_camera(&s->shot[i], &film.metric, &c);
+            saga_source_view_of_camera(&s->view[i], &film.metric, &c);
     }
     saga_film_close(&film);
     saga_bytes_free(&bytes);
@@ -142,6 +141,7 @@ static bool is_path(const char *name)
 
 bool saga_import_find_cameras(saga_import_cameras *s)
 {
-    return !s->file ? ring(s)
-         : is_path(s->file) ? path_cameras(s) : rig_cameras(s);
+    return !s->file           ? ring(s)
+           : is_path(s->file) ? path_cameras(s)
+                              : rig_cameras(s);
 }

@@ -16,13 +16,13 @@ typedef struct saga_import_cameras {
                               * NULL: rings */
     saga_cli_pair size;      /* of the pictures; 0: those of the file */
     const saga_cloud *first; /* the splats of the first frame */
-    saga_shot *shot;         /* (n_shots) the result, which the caller frees */
-    int n_shots;
+    saga_source_view *view;  /* (n_views) the result, which the caller frees */
+    int n_views;
     saga_error *error;
 } saga_import_cameras;
 
-/* Sets the shots. Returns false with *error set on failure; the caller frees
- * the shots in any case. */
+/* Sets the views. Returns false with *error set on failure; the caller frees
+ * the views in any case. */
 bool saga_import_find_cameras(saga_import_cameras *s);
 
 #endif

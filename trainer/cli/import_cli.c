@@ -48,11 +48,11 @@ typedef struct {
 
 typedef struct {
     const options *o;
-    const char *splats;      /* a file, or a folder of a sequence */
-    char **path;             /* (n_frames) */
+    const char *splats; /* a file, or a folder of a sequence */
+    char **path;        /* (n_frames) */
     int n_frames;
-    saga_cloud first;        /* splats of the first frame */
-    saga_cloud_facts facts;  /* what was not as it should be, in all frames */
+    saga_cloud first;       /* splats of the first frame */
+    saga_cloud_facts facts; /* what was not as it should be, in all frames */
     saga_import_cameras cameras;
     saga_capture capture;
     saga_splat_params given;
@@ -85,24 +85,31 @@ static bool is_splats(const char *name)
  * other files in the folder do not become frames. */
 static bool add_files(session *s, const saga_names *names)
 {
-    const saga_cloud_format *const first = names->n
-        ? saga_cloud_format_of(names->at[0]) : NULL;
+    const saga_cloud_format *const first =
+        names->n ? saga_cloud_format_of(names->at[0]) : NULL;
     char known[SAGA_SUFFIXES_NBYTES];
 
     saga_cloud_suffixes(known);
     if (!first)
-        return saga_fail(&s->error, s->splats, "give a folder with a file for "
-                         "each frame", "has no file of splats (%s)", known);
+        return saga_fail(&s->error, s->splats,
+                         "give a folder with a file for "
+                         "each frame",
+                         "has no file of splats (%s)", known);
     if (names->n > MOST_FILES)
-        return saga_fail(&s->error, s->splats, "take fewer", "has more than %d "
-                         "files of splats", MOST_FILES);
+        return saga_fail(&s->error, s->splats, "take fewer",
+                         "has more than %d "
+                         "files of splats",
+                         MOST_FILES);
     for (size_t i = 0; i < names->n; i++) {
         const saga_cloud_format *const f = saga_cloud_format_of(names->at[i]);
 
         if (f != first)
-            return saga_fail(&s->error, s->splats, "leave only one format in "
-                             "the folder", "has files of different formats "
-                             "(%s, %s)", first->suffix, f->suffix);
+            return saga_fail(&s->error, s->splats,
+                             "leave only one format in "
+                             "the folder",
+                             "has files of different formats "
+                             "(%s, %s)",
+                             first->suffix, f->suffix);
         if (!add_file(s, s->splats, names->at[i]))
             return false;
     }
@@ -150,10 +157,10 @@ static size_t n_wanted(const session *s)
 static double train_nbytes(const session *s, size_t n)
 {
     double nbytes = FIXED_NBYTES + (double)n * PRIMITIVE_NBYTES +
-        (double)saga_cloud_nbytes(s->first.n, s->first.degree);
+                    (double)saga_cloud_nbytes(s->first.n, s->first.degree);
 
-    for (int v = 0; v < s->cameras.n_shots; v++)
-        nbytes += (double)saga_view_frame_nbytes(&s->cameras.shot[v]);
+    for (int v = 0; v < s->cameras.n_views; v++)
+        nbytes += (double)saga_view_frame_nbytes(&s->cameras.view[v]);
     return nbytes;
 }
 
@@ -178,18 +185,25 @@ static bool check_size(session *s)
 
     if (s->n_frames > 1)
         return true;
-    (void)snprintf(remedy, sizeof remedy, "give %s--primitives %zu, which "
-                   "keeps the most visible", level < top &&
-                   room_of(top, n) == n ? "--level 3, or " : "", room);
+    (void)snprintf(remedy, sizeof remedy,
+                   "give %s--primitives %zu, which "
+                   "keeps the most visible",
+                   level < top && room_of(top, n) == n ? "--level 3, or " : "",
+                   room);
     if (room < n)
-        return saga_fail(&s->error, s->path[0], remedy, "has %zu splats, level "
-                         "%d has room for %zu", n, level, room);
-    (void)snprintf(remedy, sizeof remedy, "give --memory %.0f, or fewer "
-                   "--primitives, which keeps the most visible", ceil(need));
+        return saga_fail(&s->error, s->path[0], remedy,
+                         "has %zu splats, level "
+                         "%d has room for %zu",
+                         n, level, room);
+    (void)snprintf(remedy, sizeof remedy,
+                   "give --memory %.0f, or fewer "
+                   "--primitives, which keeps the most visible",
+                   ceil(need));
     return need <= s->o->memory ||
-           saga_fail(&s->error, s->path[0], remedy, "takes %.1f GiB to train "
-                     "with %zu splats; --memory allows %d", need, n,
-                     s->o->memory);
+           saga_fail(&s->error, s->path[0], remedy,
+                     "takes %.1f GiB to train "
+                     "with %zu splats; --memory allows %d",
+                     need, n, s->o->memory);
 }
 
 /* --- Training ------------------------------------------------------------ */
@@ -223,9 +237,9 @@ static void set_options(saga_train_options *o, session *s)
     const int n = from->iterations;
 
     *o = saga_train_defaults();
-    o->n_primitives = still ? (uint32_t)n_wanted(s)
-                    : from->primitives ? (uint32_t)from->primitives
-                    : o->n_primitives;
+    o->n_primitives = still              ? (uint32_t)n_wanted(s)
+                      : from->primitives ? (uint32_t)from->primitives
+                                         : o->n_primitives;
     o->level = from->level;
     o->seed = (uint64_t)from->seed;
     o->progress = progress;
@@ -233,8 +247,9 @@ static void set_options(saga_train_options *o, session *s)
     /* A sequence gets its lambda from the error after the warm-up. A still has
      * no warm-up, so its lambda follows from WANTED_MSE. */
     o->lambda = from->lambda > 0.0 ? from->lambda
-              : still ? saga_policy_lambda(WANTED_MSE, pixels_of(&s->capture),
-                                           o->n_primitives) : 0.0;
+                : still ? saga_policy_lambda(WANTED_MSE, pixels_of(&s->capture),
+                                             o->n_primitives)
+                        : 0.0;
     o->n_iterations = n ? n : o->n_iterations;
     if (!still)
         return;
@@ -257,13 +272,16 @@ static bool train(session *s)
 
 static bool draw(session *s)
 {
-    const saga_cloud_source source = {
-        .path = s->path, .n_frames = s->n_frames,
-        .first = &s->first, .most_nbytes = most_nbytes(s), .facts = &s->facts,
-        .fps = s->o->fps,
-        .shot = s->cameras.shot, .n_shots = s->cameras.n_shots,
-        .progress = saga_meter_progress, .progress_user = &s->meter
-    };
+    const saga_cloud_source source = { .path = s->path,
+                                       .n_frames = s->n_frames,
+                                       .first = &s->first,
+                                       .most_nbytes = most_nbytes(s),
+                                       .facts = &s->facts,
+                                       .fps = s->o->fps,
+                                       .view = s->cameras.view,
+                                       .n_views = s->cameras.n_views,
+                                       .progress = saga_meter_progress,
+                                       .progress_user = &s->meter };
 
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     return saga_cloud_capture(&s->capture, &source, &s->error);
@@ -283,8 +301,8 @@ static bool count_clamped(session *s)
     double *const range = saga_alloc((size_t)s->capture.n_views,
                                      2 * sizeof *range, "cameras", &s->error);
     saga_cube cube;
-    const bool ok = range && saga_cube_fit(&cube, range, &s->capture,
-                                           &s->error);
+    const bool ok = range &&
+                    saga_cube_fit(&cube, range, &s->capture, &s->error);
 
     for (size_t i = 0; i < s->first.n && ok; i++) {
         bool moved = false, resized = false;
@@ -313,8 +331,8 @@ static bool prepare(session *s)
 
     if (s->n_frames == 1 &&
         !(saga_cloud_thin(&s->first, n_wanted(s), &s->error) &&
-          saga_cloud_params(&s->given, &s->first, s->cameras.shot,
-                            s->cameras.n_shots, &s->error) &&
+          saga_cloud_params(&s->given, &s->first, s->cameras.view,
+                            s->cameras.n_views, &s->error) &&
           count_clamped(s)))
         return false;
     saga_cloud_facts_add(&s->facts, &s->first.facts);
@@ -338,20 +356,20 @@ static void tell(const session *s)
     const saga_train_report *const r = saga_train_report_of(s->train);
 
     saga_cli_print("%s: %zu bytes, level %" PRIu32 "; %d frame%s, %" PRIu32
-                   " primitives, lambda %.4g", s->o->out, r->sizes.total,
-                   r->info.level, s->n_frames, s->n_frames == 1 ? "" : "s",
-                   r->n.prim, r->lambda);
+                   " primitives, lambda %.4g",
+                   s->o->out, r->sizes.total, r->info.level, s->n_frames,
+                   s->n_frames == 1 ? "" : "s", r->n.prim, r->lambda);
     printf("%.2f dB against pictures of the original splats (%d pictures)\n",
            r->coded.training, r->coded.n_training);
 }
 
-static void end(session *s)
+static void free_session(session *s)
 {
     saga_train_free(s->train);
     saga_params_free(&s->given);
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
-    free(s->cameras.shot);
+    free(s->cameras.view);
     for (int i = 0; i < s->n_frames; i++)
         free(s->path[i]);
     free(s->path);
@@ -379,7 +397,7 @@ static int import(session *s)
         saga_cli_error(status, "import: %s", s->error.message);
     else
         tell(s);
-    end(s);
+    free_session(s);
     return status;
 }
 
@@ -388,29 +406,31 @@ static bool cannot_read(const char *path)
 {
     if (access(path, R_OK) == 0)
         return false;
-    saga_cli_error(SAGA_EXIT_USAGE, "import: %s: cannot be opened (%s); check "
-                   "the name and the permissions", path, strerror(errno));
+    saga_cli_error(SAGA_EXIT_USAGE,
+                   "import: %s: cannot be opened (%s); check "
+                   "the name and the permissions",
+                   path, strerror(errno));
     return true;
 }
 
-static int run(int argc, char **argv)
+static int run_import(int argc, char **argv)
 {
     options o = { .level = 2, .seed = 1, .fps = 30, .memory = 4 };
-    session s = { .o = &o, .cameras = { .first = &s.first,
-                                        .error = &s.error } };
-    const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
-                                      argc, argv);
+    session s = { .o = &o,
+                  .cameras = { .first = &s.first, .error = &s.error } };
+    const int status = saga_cli_parse(&saga_command_import, &o, &s.splats, argc,
+                                      argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
     if (!o.out)
         return saga_cli_error(SAGA_EXIT_USAGE, "import: -o OUT is missing; "
-                              "see `saga help import`");
+                                               "see `saga help import`");
     if (cannot_read(s.splats) || (o.cameras && cannot_read(o.cameras)))
         return SAGA_EXIT_USAGE;
     if (o.fps <= 0.0)
         return saga_cli_error(SAGA_EXIT_USAGE, "import: --fps takes a number "
-                              "above 0");
+                                               "above 0");
     if (saga_cli_threads("import", o.threads))
         return SAGA_EXIT_USAGE;
     s.cameras.file = o.cameras;
@@ -419,23 +439,26 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the .saga file to write", saga_cli_text, offsetof(options,
-      out), 0, 0 },
+    { "-o", "OUT", "the .saga file to write", saga_cli_text,
+      offsetof(options, out), 0, 0 },
     { "--cameras", "FILE",
       "cameras to judge the result by: those of a .saga file, or\n"
       "a path as for `saga render --path` (default: 24 cameras\n"
-      "all round that look inwards)", saga_cli_text, offsetof(options,
-      cameras), 0, 0 },
+      "all round that look inwards)",
+      saga_cli_text, offsetof(options, cameras), 0, 0 },
     { "--size", "WxH",
       "size of their pictures (default 400x400, or the size in\n"
-      "FILE)", saga_cli_size, offsetof(options, size), 8, SAGA_MAX_SIDE },
+      "FILE)",
+      saga_cli_size, offsetof(options, size), 8, SAGA_MAX_SIDE },
     { "--primitives", "N",
       "number of primitives of a sequence (default 5000); of a\n"
       "single file, the N most visible splats are kept\n"
-      "(default: all)", saga_cli_int, offsetof(options,
-      primitives), 1, 1 << 22 },
-    { "--memory", "GIB", "most memory for splats, pictures and training, in "
-      "GiB\n(default 4)", saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
+      "(default: all)",
+      saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
+    { "--memory", "GIB",
+      "most memory for splats, pictures and training, in "
+      "GiB\n(default 4)",
+      saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--iterations", "N",
       "training steps (default 6000, for a single file 1500)", saga_cli_int,
       offsetof(options, iterations), 2, 10000000 },
@@ -443,20 +466,23 @@ static const saga_cli_option option_list[] = {
       offsetof(options, lambda), 0, 0 },
     { "--level", "0|1|2|3",
       "limit on the memory of the decoder, as for `saga encode`\n"
-      "(default 2)", saga_cli_int, offsetof(options, level), 0, 3 },
-    { "--fps", "F",
-      "frames per second of a sequence (default 30)", saga_cli_real,
-      offsetof(options, fps), 0, 0 },
+      "(default 2)",
+      saga_cli_int, offsetof(options, level), 0, 3 },
+    { "--fps", "F", "frames per second of a sequence (default 30)",
+      saga_cli_real, offsetof(options, fps), 0, 0 },
     { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N",
       "number of threads (default: all cores); the file does not\n"
-      "depend on it", saga_cli_int, offsetof(options, threads), 1, 1024 },
+      "depend on it",
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_import = {
-    "import", "SPLATS", 1,
+    "import",
+    "SPLATS",
+    1,
     "makes a file of splats from any trainer (PLY, ...)",
     "Codes splats that another program trained; no pictures are needed.\n"
     "SPLATS is a file, or a folder with a file for each frame in the order of\n"
@@ -473,5 +499,8 @@ const saga_command saga_command_import = {
     "\n"
     "  saga import chair.spz -o chair.saga\n"
     "  saga import frames -o scene.saga --cameras old.saga\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_import,
+    NULL
 };

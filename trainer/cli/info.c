@@ -49,8 +49,9 @@ enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };
 
 static double seconds_of(const subject *s, uint32_t n_frames)
 {
-    return s->info.fps_num ? (double)n_frames * s->info.fps_den /
-                              s->info.fps_num : 0.0;
+    return s->info.fps_num
+               ? (double)n_frames * s->info.fps_den / s->info.fps_num
+               : 0.0;
 }
 
 static double rate_of(uint64_t nbytes, double seconds)
@@ -91,8 +92,10 @@ static void put(json_t *o, const char *key, uint64_t v)
 static void put_rate(json_t *o, const subject *s, uint64_t nbytes,
                      uint32_t n_frames)
 {
-    saga_put_real(o, "bits_per_second", s->info.n_frames == 1 ? (double)NAN
-                  : rate_of(nbytes, seconds_of(s, n_frames)));
+    saga_put_real(o, "bits_per_second",
+                  s->info.n_frames == 1
+                      ? (double)NAN
+                      : rate_of(nbytes, seconds_of(s, n_frames)));
 }
 
 static void put_header(json_t *o, const subject *s)
@@ -105,8 +108,7 @@ static void put_header(json_t *o, const subject *s)
     put(o, "n_frames", i->n_frames);
     put(o, "n_segments", i->n_segments);
     saga_put(o, "frames_per_second",
-             json_pack("[II]", (json_int_t)i->fps_num,
-                       (json_int_t)i->fps_den));
+             json_pack("[II]", (json_int_t)i->fps_num, (json_int_t)i->fps_den));
     saga_put_real(o, "seconds", s->seconds);
     put_rate(o, s, s->layout.file_nbytes, i->n_frames);
     saga_put_flag(o, "/still", i->n_frames == 1);
@@ -162,13 +164,13 @@ static json_t *metric_of(const subject *s)
                   s->metres > 0.0 ? s->metres : (double)NAN);
     saga_put_real(o, "metres_per_unit", s->unit);
     saga_put_real(o, "/width", ldexp(s->unit, 24));
-    saga_put(o, "centre_metres", json_pack("[fff]", s->centre[0], s->centre[1],
-                                           s->centre[2]));
+    saga_put(o, "centre_metres",
+             json_pack("[fff]", s->centre[0], s->centre[1], s->centre[2]));
     saga_put(o, "unit_mantissa_exponent",
              json_pack("[ii]", (int)i->unit_mantissa, (int)i->unit_exponent));
-    saga_put(o, "centre_mantissa", json_pack(
-        "[iii]", (int)i->centre_mantissa[0], (int)i->centre_mantissa[1],
-        (int)i->centre_mantissa[2]));
+    saga_put(o, "centre_mantissa",
+             json_pack("[iii]", (int)i->centre_mantissa[0],
+                       (int)i->centre_mantissa[1], (int)i->centre_mantissa[2]));
     saga_put_int(o, "centre_exponent", i->centre_exponent);
     return o;
 }
@@ -207,8 +209,8 @@ static json_t *segments_of(const subject *s)
         put(o, "offset", g->offset);
         put(o, "nbytes", g->nbytes);
         put_rate(o, s, g->nbytes, g->n_frames);
-        saga_put_real(o, "/rate", rate_of(g->nbytes, seconds_of(s,
-                                                                g->n_frames)));
+        saga_put_real(o, "/rate",
+                      rate_of(g->nbytes, seconds_of(s, g->n_frames)));
         saga_put_flag(o, "damaged", g->damaged);
         put_counts(o, &g->n);
         put(o, "coarse_nbytes", g->payload_nbytes[SAGA_PART_COARSE]);
@@ -260,9 +262,9 @@ static void put_exposure(json_t *o, const subject *s, uint32_t i)
     saga_exposure e;
 
     if (saga_find_exposure(&e, s->bytes, s->nbytes, i) == SAGA_OK)
-        saga_put(o, "exposure", json_pack(
-            "[fff]", e.gain_q12[0] / 4096.0, e.gain_q12[1] / 4096.0,
-            e.gain_q12[2] / 4096.0));
+        saga_put(o, "exposure",
+                 json_pack("[fff]", e.gain_q12[0] / 4096.0,
+                           e.gain_q12[1] / 4096.0, e.gain_q12[2] / 4096.0));
 }
 
 static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
@@ -284,13 +286,15 @@ static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
     saga_put_text(o, "/called", naming.name[0] ? naming.name : called);
     put(o, "width", c->width);
     put(o, "height", c->height);
-    saga_put(o, "focal", json_pack("[ff]", c->focal_q16[0] / 65536.0,
-                                   c->focal_q16[1] / 65536.0));
-    saga_put(o, "principal", json_pack("[ff]", c->principal_q16[0] / 65536.0,
-                                       c->principal_q16[1] / 65536.0));
-    saga_put(o, "centre_metres", json_pack(
-        "[fff]", metres(s, 0, c->centre[0]), metres(s, 1, c->centre[1]),
-        metres(s, 2, c->centre[2])));
+    saga_put(o, "focal",
+             json_pack("[ff]", c->focal_q16[0] / 65536.0,
+                       c->focal_q16[1] / 65536.0));
+    saga_put(o, "principal",
+             json_pack("[ff]", c->principal_q16[0] / 65536.0,
+                       c->principal_q16[1] / 65536.0));
+    saga_put(o, "centre_metres",
+             json_pack("[fff]", metres(s, 0, c->centre[0]),
+                       metres(s, 1, c->centre[1]), metres(s, 2, c->centre[2])));
     saga_put_real(o, "near_metres", s->unit * c->near_plane);
     saga_put(o, "rotation", rotation);
     put_exposure(o, s, i);
@@ -388,7 +392,8 @@ static json_t *report_of(const subject *s)
 /* --- As text ------------------------------------------------------------- */
 
 static const saga_line text[] = {
-    { "", NULL, "{file}\n\n"
+    { "", NULL,
+      "{file}\n\n"
       "file        {nbytes} bytes, version {version}, level {level}\n" },
     { "/still", NULL, "time        a single frame: a still scene\n" },
     { "!/still", NULL,
@@ -418,34 +423,46 @@ static const saga_line text[] = {
       "{decoding.base_fine} fine anchors, {decoding.base_primitives} "
       "primitives, decoded once:\n"
       "            {decoding.base_macs} multiply-accumulates\n" },
-    { "", NULL, "cube        {metric./width:%.6g} wide around "
+    { "", NULL,
+      "cube        {metric./width:%.6g} wide around "
       "({metric.centre_metres.0:%.6g}, {metric.centre_metres.1:%.6g}, "
       "{metric.centre_metres.2:%.6g}), in units of the capture\n" },
-    { "metric.metres_in_capture_unit", NULL, "unit        of the capture: "
+    { "metric.metres_in_capture_unit", NULL,
+      "unit        of the capture: "
       "{metric.metres_in_capture_unit:%.6g} m\n" },
-    { "exposure", NULL, "exposure    stored for each camera, gains from "
+    { "exposure", NULL,
+      "exposure    stored for each camera, gains from "
       "{exposure.least_gain:%.3f} to {exposure.most_gain:%.3f}\n" },
-    { "sound", NULL, "sound       Opus, {sound.n_channels} "
+    { "sound", NULL,
+      "sound       Opus, {sound.n_channels} "
       "channel{sound.n_channels+s}, {sound.seconds:%.3f} s from "
       "{sound.start_seconds:%.3f} s on\n" },
     SAGA_BYTES_LINES,
-    { "", NULL, "\n  seg   first  frames      bytes      bit/s  coarse    fine"
+    { "", NULL,
+      "\n  seg   first  frames      bytes      bit/s  coarse    fine"
       "    prims\n" },
-    { "", "segments", "{#:%5d} {first_frame:%7d} {n_frames:%7d} "
+    { "", "segments",
+      "{#:%5d} {first_frame:%7d} {n_frames:%7d} "
       "{nbytes:%10d} {/rate:%10.0f}" },
     { "damaged", "segments", "  damaged\n" },
-    { "!damaged", "segments", " {n_coarse:%7d} {n_fine:%7d} "
+    { "!damaged", "segments",
+      " {n_coarse:%7d} {n_fine:%7d} "
       "{n_primitives:%8d}\n" },
-    { "/cuts", NULL, "\nlayer       bytes  coarse    fine    prims  the file "
+    { "/cuts", NULL,
+      "\nlayer       bytes  coarse    fine    prims  the file "
       "up to it\n" },
-    { "", "/cuts", "{number:%5d} {nbytes:%11d} {n_coarse:%7d} {n_fine:%7d} "
+    { "", "/cuts",
+      "{number:%5d} {nbytes:%11d} {n_coarse:%7d} {n_fine:%7d} "
       "{n_primitives:%8d} {cut_nbytes:%11d} bytes\n" },
-    { "rig", NULL, "\n  rig  camera            size      focal, px       "
+    { "rig", NULL,
+      "\n  rig  camera            size      focal, px       "
       "centre, units\n" },
-    { "", "rig", "{/index:%5d}  {/called:%-12s} {width:%5d}x{height:%-5d} "
+    { "", "rig",
+      "{/index:%5d}  {/called:%-12s} {width:%5d}x{height:%-5d} "
       "{focal.0:%7.1f} {focal.1:%7.1f}  {centre_metres.0:%8.3f} "
       "{centre_metres.1:%8.3f} {centre_metres.2:%8.3f}\n" },
-    { "crc.sound", NULL, "\nThe CRCs of the header and of all "
+    { "crc.sound", NULL,
+      "\nThe CRCs of the header and of all "
       "{crc.chunks_checked} chunks are right.\n" }
 };
 
@@ -476,19 +493,24 @@ static int probe(subject *s, size_t n)
     /* Likely mistakes have messages of their own: a checkpoint, another kind of
      * file. */
     if (saga_checkpoint_is(s->bytes, n))
-        return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file, but a "
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "%s: not a .saga file, but a "
                               "checkpoint of `saga encode`, or the networks "
                               "of --networks-only; --resume goes on with a "
-                              "checkpoint, `saga view` shows it", s->name);
+                              "checkpoint, `saga view` shows it",
+                              s->name);
     for (size_t i = 0; i < 4 && i < n; i++)
         snprintf(start + 3 * i, sizeof start - 3 * i, " %02x", s->bytes[i]);
     if (n >= 4 && memcmp(s->bytes, saga_magic, 4) != 0)
-        return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file: it "
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "%s: not a .saga file: it "
                               "begins with the bytes%s, not 53 41 47 41; "
-                              "check the name", s->name, start);
-    return saga_cli_error(SAGA_EXIT_DATA, "%s: the header, in %zu bytes, is "
-                          "refused (%s): %s", s->name, n,
-                          saga_status_text(status), remedy(status));
+                              "check the name",
+                              s->name, start);
+    return saga_cli_error(SAGA_EXIT_DATA,
+                          "%s: the header, in %zu bytes, is "
+                          "refused (%s): %s",
+                          s->name, n, saga_status_text(status), remedy(status));
 }
 
 static void measure(subject *s)
@@ -512,16 +534,17 @@ static int damage(const subject *s)
         return SAGA_EXIT_OK;
     /* If both streams go to the same place, the message follows the report. */
     fflush(stdout);
-    return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; %" PRIu32 " of %" PRIu32
+    return saga_cli_error(SAGA_EXIT_DATA,
+                          "%s: %s; %" PRIu32 " of %" PRIu32
                           " segments damaged: copy the file again, or encode "
-                          "it again", s->name, l->damage, l->n_damaged,
-                          s->info.n_segments);
+                          "it again",
+                          s->name, l->damage, l->n_damaged, s->info.n_segments);
 }
 
 static int tell(const options *o, const char *name, const saga_bytes *file)
 {
     subject s = { .name = name, .bytes = file->data, .nbytes = file->nbytes };
-    const saga_telling how = { o->json, 10, name };
+    const saga_print_style how = { o->json, 10, name };
     saga_error error = { "" };
     int status = probe(&s, file->nbytes);
 
@@ -530,7 +553,7 @@ static int tell(const options *o, const char *name, const saga_bytes *file)
     measure(&s);
     if (!saga_layout_read(&s.layout, name, file->data, file->nbytes, &error))
         return saga_cli_error(SAGA_EXIT_DATA, "%s", error.message);
-    status = saga_cli_tell(report_of(&s), &how, SAGA_LINES(text));
+    status = saga_cli_print_report(report_of(&s), &how, SAGA_LINES(text));
     /* A damaged file is reported as far as it can be read, then the damage. */
     if (!status)
         status = damage(&s);
@@ -538,7 +561,7 @@ static int tell(const options *o, const char *name, const saga_bytes *file)
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_info(int argc, char **argv)
 {
     options o = { false };
     const char *name;
@@ -556,12 +579,16 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--json", NULL, "print the report as JSON, with the rotation of each\n"
-      "camera", saga_cli_flag, offsetof(options, json), 0, 0 }
+    { "--json", NULL,
+      "print the report as JSON, with the rotation of each\n"
+      "camera",
+      saga_cli_flag, offsetof(options, json), 0, 0 }
 };
 
 const saga_command saga_command_info = {
-    "info", "FILE", 1,
+    "info",
+    "FILE",
+    1,
     "prints what a file holds, and where its bytes are",
     "Prints what the header of a .saga file says (duration, tools, networks,\n"
     "memory and work of decoding, the region of space), how many bytes each\n"
@@ -573,5 +600,8 @@ const saga_command saga_command_info = {
     "Lengths that are called metres are in the capture's unit of length,\n"
     "which need not be a metre. metres_in_capture_unit is the length of that\n"
     "unit in metres, if it is known.\n",
-    option_list, 1, run, NULL
+    option_list,
+    1,
+    run_info,
+    NULL
 };

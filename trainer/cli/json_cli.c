@@ -74,13 +74,10 @@ void saga_drop_asides(json_t *report)
     json_t *value;
     size_t i;
 
-    json_array_foreach(report, i, value)
-        saga_drop_asides(value);
-    json_object_foreach_safe(report, next, key, value)
-        if (key[0] == '/')
-            json_object_del(report, key);
-        else
-            saga_drop_asides(value);
+    json_array_foreach(report, i, value) saga_drop_asides(value);
+    json_object_foreach_safe(report, next, key, value) if (key[0] == '/')
+        json_object_del(report, key);
+    else saga_drop_asides(value);
 }
 
 /* Returns o as text, or NULL with the reason in *error. Frees o; the caller
@@ -93,7 +90,7 @@ static char *text_of(json_t *o, size_t precision, const char *file,
     saga_drop_asides(o);
     /* ASCII alone, so that a name cannot act on the terminal. */
     text = json_dumps(o, JSON_INDENT(2) | JSON_ENSURE_ASCII |
-                         JSON_REAL_PRECISION(precision));
+                             JSON_REAL_PRECISION(precision));
     json_decref(o);
     if (saga_json_starved()) /* keys may be missing then */
         saga_no_memory(0, file, error);
@@ -101,7 +98,8 @@ static char *text_of(json_t *o, size_t precision, const char *file,
         saga_fail(error, file, "give it a name in UTF-8",
                   "has a name that JSON cannot hold");
     else if (!text || saga_json_lost())
-        saga_fail(error, file, "give what it was made from names in UTF-8, or "
+        saga_fail(error, file,
+                  "give what it was made from names in UTF-8, or "
                   "leave --json out",
                   "has a report that JSON cannot hold");
     else
@@ -113,14 +111,18 @@ static char *text_of(json_t *o, size_t precision, const char *file,
 static int status_of(const saga_error *error)
 {
     return saga_failed(error)
-        ? saga_cli_error(SAGA_EXIT_USAGE, "%s", error->message) : SAGA_EXIT_OK;
+               ? saga_cli_error(SAGA_EXIT_USAGE, "%s", error->message)
+               : SAGA_EXIT_OK;
 }
 
-int saga_cli_json_can_tell(const char *command, const char *name)
+int saga_cli_json_can_name(const char *command, const char *name)
 {
-    return !name || saga_utf8_is(name) ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_USAGE, "%s: %s is not UTF-8 and cannot be "
-                         "written as JSON; rename it", command, name);
+    return !name || saga_utf8_is(name)
+               ? SAGA_EXIT_OK
+               : saga_cli_error(SAGA_EXIT_USAGE,
+                                "%s: %s is not UTF-8 and cannot be "
+                                "written as JSON; rename it",
+                                command, name);
 }
 
 int saga_cli_print_json(json_t *o, size_t precision, const char *file)
@@ -146,8 +148,8 @@ int saga_cli_write_json(json_t *o, size_t precision, const char *file)
     return status_of(&error);
 }
 
-int saga_cli_tell(json_t *report, const saga_telling *how,
-                  const saga_line *lines, int n)
+int saga_cli_print_report(json_t *report, const saga_print_style *how,
+                          const saga_line *lines, int n)
 {
     saga_error error = { "" };
 

@@ -63,7 +63,7 @@ void saga_print_lines(const json_t *report, const saga_line *lines, int n);
 
 /* Checks before long work whether a report can contain the name of a file or
  * folder; name may be NULL. Returns the exit status. */
-int saga_cli_json_can_tell(const char *command, const char *name);
+int saga_cli_json_can_name(const char *command, const char *name);
 
 /* Removes the asides from a report that becomes part of another. */
 void saga_drop_asides(json_t *report);
@@ -78,18 +78,18 @@ int saga_cli_write_json(json_t *o, size_t precision, const char *file);
 
 /* --- Either -------------------------------------------------------------- */
 
-typedef struct saga_telling {
+typedef struct saga_print_style {
     bool json;
-    size_t precision;        /* digits of reals in JSON */
-    const char *file;        /* name for messages */
-} saga_telling;
+    size_t precision; /* digits of reals in JSON */
+    const char *file; /* name for messages */
+} saga_print_style;
 
 /* A table of lines and its length, as two arguments. */
 #define SAGA_LINES(table) table, (int)(sizeof table / sizeof table[0])
 
 /* Prints a report as JSON, or as text with n lines, and frees it. Returns the
  * exit status. */
-int saga_cli_tell(json_t *report, const saga_telling *how,
-                  const saga_line *lines, int n);
+int saga_cli_print_report(json_t *report, const saga_print_style *how,
+                          const saga_line *lines, int n);
 
 #endif

@@ -15,21 +15,11 @@
 #include <unistd.h>
 
 static const saga_command *const commands[] = {
-    &saga_command_synth,
-    &saga_command_check,
-    &saga_command_encode,
-    &saga_command_info,
-    &saga_command_eval,
-    &saga_command_compare,
-    &saga_command_report,
-    &saga_command_render,
-    &saga_command_view,
-    &saga_command_verify,
-    &saga_command_export,
-    &saga_command_import,
-    &saga_command_cut,
-    &saga_command_join,
-    &saga_command_mux
+    &saga_command_synth,  &saga_command_check,  &saga_command_encode,
+    &saga_command_info,   &saga_command_eval,   &saga_command_compare,
+    &saga_command_report, &saga_command_render, &saga_command_view,
+    &saga_command_verify, &saga_command_export, &saga_command_import,
+    &saga_command_cut,    &saga_command_join,   &saga_command_mux
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };
@@ -89,10 +79,11 @@ static int unknown(const char *name)
     for (int i = 0; i < N_COMMANDS; i++)
         names[i] = commands[i]->name;
     near = saga_cli_nearest(name, names, N_COMMANDS, sizeof names[0]);
-    return saga_cli_error(SAGA_EXIT_USAGE, "unknown command '%s'%s%s%s; "
-                          "`saga --help` lists them", name,
-                          near ? ", did you mean '" : "", near ? near : "",
-                          near ? "'" : "");
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "unknown command '%s'%s%s%s; "
+                          "`saga --help` lists them",
+                          name, near ? ", did you mean '" : "",
+                          near ? near : "", near ? "'" : "");
 }
 
 /* `more` is what stands after the name: --all, or NULL. */
@@ -118,23 +109,23 @@ static int help(const char *name, const char *more)
 static int flushed(int status)
 {
     if ((fflush(stdout) || ferror(stdout)) && status == SAGA_EXIT_OK)
-        return saga_cli_error(SAGA_EXIT_USAGE, "standard output: cannot be "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "standard output: cannot be "
                               "written; check the free space of the disk");
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_command(int argc, char **argv)
 {
     const char *const name = argc > 1 ? argv[1] : NULL;
     const saga_command *c;
 
     if (!name) {
         saga_cli_error(SAGA_EXIT_USAGE, "no command is given; `saga --help` "
-                       "lists the commands");
+                                        "lists the commands");
         return SAGA_EXIT_USAGE;
     }
-    if (!strcmp(name, "--help") || !strcmp(name, "-h") ||
-        !strcmp(name, "help"))
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help"))
         return help(argc > 2 ? argv[2] : NULL, argc > 3 ? argv[3] : NULL);
     if (!strcmp(name, "--version")) {
         puts("saga " SAGA_RELEASE ", format " SAGA_FORMAT);
@@ -142,8 +133,10 @@ static int run(int argc, char **argv)
     }
     c = find(name);
     if (!c && name[0] == '-')
-        return saga_cli_error(SAGA_EXIT_USAGE, "unknown option '%s'; `saga "
-                              "--help` lists them", name);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "unknown option '%s'; `saga "
+                              "--help` lists them",
+                              name);
     return c ? c->run(argc - 1, argv + 1) : unknown(name);
 }
 
@@ -173,5 +166,5 @@ int main(int argc, char **argv)
 {
     tame_threads(argv);
     saga_cli_catch_signals(saga_cli_end);
-    return flushed(run(argc, argv));
+    return flushed(run_command(argc, argv));
 }

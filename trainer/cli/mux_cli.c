@@ -20,7 +20,7 @@
 
 typedef struct {
     const char *out, *audio;
-    double start;           /* seconds */
+    double start; /* seconds */
 } options;
 
 /* Reads everything that a child process writes. */
@@ -46,10 +46,11 @@ static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
 /* Lets ffmpeg encode the sound of a file, which may be a video. */
 static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    static const char *const words[] = {
-        "-vn", "-map", "0:a:0", "-c:a", "libopus", "-map_metadata", "-1",
-        "-fflags", "+bitexact", "-f", "ogg", "-", NULL
-    };
+    static const char *const words[] = { "-vn",  "-map",    "0:a:0",
+                                         "-c:a", "libopus", "-map_metadata",
+                                         "-1",   "-fflags", "+bitexact",
+                                         "-f",   "ogg",     "-",
+                                         NULL };
     const saga_ffmpeg job = { "ffmpeg", { { .path = path } }, words, NULL };
     saga_child child;
     bool ok;
@@ -62,8 +63,10 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
         /* ffmpeg goes on after damage. The user decides whether that matters:
          * many sound files end with tags that it complains of. */
         if (child.tail[0])
-            saga_cli_error(0, "mux: %s: ffmpeg read it with errors (%s); "
-                           "listen to the result", path, child.tail);
+            saga_cli_error(0,
+                           "mux: %s: ffmpeg read it with errors (%s); "
+                           "listen to the result",
+                           path, child.tail);
         return true;
     }
     saga_bytes_free(to);
@@ -75,8 +78,8 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 /* Reads an Ogg stream of Opus unchanged; ffmpeg encodes any other sound. */
 static bool read_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    uint8_t begin[512];      /* enough for the header of the first page and the
-                              * beginning of its packet */
+    uint8_t begin[512]; /* enough for the header of the first page and the
+                         * beginning of its packet */
     FILE *const file = fopen(path, "rb");
     const size_t n = file ? fread(begin, 1, sizeof begin, file) : 0;
 
@@ -123,16 +126,19 @@ static int check_options(const options *o)
     static const double most = 43200.0;
 
     if (!o->out || !o->audio)
-        return saga_cli_error(SAGA_EXIT_USAGE, "mux: %s is missing; see `saga "
-                              "help mux`", o->audio ? "-o OUT"
-                                                        : "--audio FILE");
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "mux: %s is missing; see `saga "
+                              "help mux`",
+                              o->audio ? "-o OUT" : "--audio FILE");
     if (fabs(o->start) > most)
-        return saga_cli_error(SAGA_EXIT_USAGE, "mux: --start %g is more than "
-                              "twelve hours away", o->start);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "mux: --start %g is more than "
+                              "twelve hours away",
+                              o->start);
     return SAGA_EXIT_OK;
 }
 
-static int run(int argc, char **argv)
+static int run_mux(int argc, char **argv)
 {
     options o = { NULL, NULL, 0.0 };
     const char *name;
@@ -156,17 +162,20 @@ static const saga_cli_option option_list[] = {
     { "--audio", "FILE|none",
       "where the sound comes from: Ogg Opus is copied, anything\n"
       "else, also the sound of a video, is coded by ffmpeg; none\n"
-      "removes the sound", saga_cli_text, offsetof(options, audio), 0, 0 },
+      "removes the sound",
+      saga_cli_text, offsetof(options, audio), 0, 0 },
     { "--start", "SECONDS",
       "when in the film the sound begins (default 0); below 0,\n"
-      "it has begun before the film", saga_cli_real, offsetof(options, start),
-      0, 0 },
+      "it has begun before the film",
+      saga_cli_real, offsetof(options, start), 0, 0 },
     { "-o", "OUT", "the file to write", saga_cli_text, offsetof(options, out),
       0, 0 }
 };
 
 const saga_command saga_command_mux = {
-    "mux", "FILE", 1,
+    "mux",
+    "FILE",
+    1,
     "adds sound to a file, or removes it",
     "Writes FILE with the sound of another file instead of its own, or with\n"
     "no sound. Pictures and segments keep their bytes.\n"
@@ -176,5 +185,8 @@ const saga_command saga_command_mux = {
     "  saga mux film.saga --audio none -o silent.saga\n"
     "\n"
     "Players that do not support sound show the pictures of such a file.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_mux,
+    NULL
 };

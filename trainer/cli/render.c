@@ -27,16 +27,16 @@ enum { MAX_ORBIT = 100000 };
 
 typedef struct {
     bool given;
-    double at[3];           /* in the capture's units */
+    double at[3]; /* in the capture's units */
 } point;
 
 typedef struct {
     const char *out, *path, *camera;
     point eye, look_at;
     int orbit, threads;
-    double time;            /* seconds; < 0 if not given */
-    double stereo;          /* in metres, or in the capture's units if metres
-                             * are unknown */
+    double time;   /* seconds; < 0 if not given */
+    double stereo; /* in metres, or in the capture's units if metres
+                    * are unknown */
     bool depth, alpha, no_exposure, quiet;
     saga_cli_pair frame, frames, size;
 } options;
@@ -50,7 +50,7 @@ typedef struct {
     saga_film_writer video; /* used for .mp4 */
     saga_camera camera;
     saga_sight sight;
-    int first, n;           /* pictures first .. first + n - 1 */
+    int first, n; /* pictures first .. first + n - 1 */
     saga_error error;
 } session;
 
@@ -58,15 +58,16 @@ typedef struct {
 
 static int mistake(const char *what)
 {
-    return saga_cli_error(SAGA_EXIT_USAGE, "render: %s; see `saga help "
-                          "render`", what);
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "render: %s; see `saga help "
+                          "render`",
+                          what);
 }
 
 /* Checks the options' combination: at most one may set the time. */
 static int check_options(const options *o)
 {
-    const int times = (o->time >= 0.0) + (o->frame.b > 0) +
-                      (o->frames.b > 0);
+    const int times = (o->time >= 0.0) + (o->frame.b > 0) + (o->frames.b > 0);
 
     if (!o->out)
         return mistake("-o OUT is missing");
@@ -127,8 +128,8 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
         /* Segment time has steps of 1/65536 frame, which are kept if 32 bits
          * suffice. */
         *den = frames < 65535.0 ? 65536 : 1;
-        *num = frames * *den < 4294967295.0
-            ? (uint32_t)(frames * *den + 0.5) : UINT32_MAX;
+        *num = frames * *den < 4294967295.0 ? (uint32_t)(frames * *den + 0.5)
+                                            : UINT32_MAX;
     } else if (s->path.clock != SAGA_PATH_TIMELESS && !o->frames.b) {
         /* As above: steps of 1/65536 frame if the frame number fits into 16
          * bits. */
@@ -155,10 +156,13 @@ static int check_name(const session *s)
     if (is_video(out))
         return SAGA_EXIT_OK;
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
-        return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: pictures are "
-                              "written as .png or .exr, films as .mp4", out);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "render: %s: pictures are "
+                              "written as .png or .exr, films as .mp4",
+                              out);
     if (s->n > 1 && !saga_is_numbered(out))
-        return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: %d pictures need "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "render: %s: %d pictures need "
                               "one number in the name, like out_%%04d.png",
                               out, s->n);
     return SAGA_EXIT_OK;
@@ -194,12 +198,12 @@ static bool camera_of(saga_camera *c, session *s, int i)
          * film does, whose pictures have one size. */
         const bool given = own->fov > 0.0 || s->o->size.a ||
                            is_video(s->o->out);
-        saga_shot shot;
+        saga_source_view view;
 
-        saga_path_shot(&shot, own, given ? c->width : own->lens.width,
+        saga_path_view(&view, own, given ? c->width : own->lens.width,
                        given ? c->height : own->lens.height);
-        ok = saga_camera_of_shot(c, metric, &shot,
-                                 metric->unit * c->near_plane, &s->error);
+        ok = saga_camera_of_source_view(
+            c, metric, &view, metric->unit * c->near_plane, &s->error);
     } else if (s->o->orbit) {
         ok = saga_orbit_camera(c, &s->orbit, metric, (double)i / s->n,
                                &s->error);
@@ -245,28 +249,29 @@ static bool turn(session *s)
 {
     const options *const o = s->o;
     const saga_metric *const metric = &s->film.metric;
-    saga_shot shot = { .name = "--look-at" };
+    saga_source_view view = { .name = "--look-at" };
     saga_orbit rig;
     double eye[3];
 
     if (!saga_orbit_of(&rig, &s->film, &s->error))
         return false;
-    saga_shot_of_camera(&shot, metric, &s->camera);
-    saga_shot_centre(eye, &shot);
+    saga_source_view_of_camera(&view, metric, &s->camera);
+    saga_source_view_centre(eye, &view);
     if (o->eye.given)
         memcpy(eye, o->eye.at, sizeof eye);
-    if (!saga_look_at(shot.rotation, eye, o->look_at.at, rig.up))
+    if (!saga_look_at(view.rotation, eye, o->look_at.at, rig.up))
         return saga_fail(&s->error, "--look-at", "give another point",
                          "the camera stands at this point, or would look "
                          "straight up or down");
     /* The translation -R eye puts the camera at the eye. */
     for (int i = 0; i < 3; i++) {
-        shot.translation[i] = 0.0;
+        view.translation[i] = 0.0;
         for (int k = 0; k < 3; k++)
-            shot.translation[i] -= shot.rotation[3 * i + k] * eye[k];
+            view.translation[i] -= view.rotation[3 * i + k] * eye[k];
     }
-    return saga_camera_of_shot(&s->camera, metric, &shot,
-                               metric->unit * s->camera.near_plane, &s->error);
+    return saga_camera_of_source_view(&s->camera, metric, &view,
+                                      metric->unit * s->camera.near_plane,
+                                      &s->error);
 }
 
 /* Tells whether time passes at the file's speed, from *from seconds on. */
@@ -303,7 +308,8 @@ static saga_film_sound sound_of(const session *s, double fps)
         return to;
     if (!runs_at_speed(&from, s, fps)) {
         fputs("The film has no sound, because its time does not run as in the "
-              "file.\n", stderr);
+              "file.\n",
+              stderr);
         return to;
     }
     return (saga_film_sound){ film->name, sound.offset, sound.nbytes,
@@ -314,7 +320,8 @@ static bool open_video(session *s)
 {
     const saga_info *const info = &s->film.info;
     double fps = info->fps_num && info->fps_den
-        ? (double)info->fps_num / info->fps_den : 25.0;
+                     ? (double)info->fps_num / info->fps_den
+                     : 25.0;
     saga_film_plan film;
 
     /* The path's rate takes precedence over the file's; 25 is used if a file
@@ -379,10 +386,12 @@ static void find_sight(session *s, uint32_t rig)
 
     saga_film_naming(&s->film, 0, &naming);
     metres = ldexp(naming.metre_mantissa, naming.metre_exponent);
-    s->sight.kind = o->depth ? SAGA_SIGHT_DEPTH
-                  : o->alpha ? SAGA_SIGHT_ALPHA : SAGA_SIGHT_COLOUR;
+    s->sight.kind = o->depth   ? SAGA_SIGHT_DEPTH
+                    : o->alpha ? SAGA_SIGHT_ALPHA
+                               : SAGA_SIGHT_COLOUR;
     s->sight.rig = o->no_exposure || o->orbit || o->path || o->look_at.given
-                 ? -1 : (int)rig;
+                       ? -1
+                       : (int)rig;
     s->sight.base = metres > 0.0 ? o->stereo / metres : o->stereo;
 }
 
@@ -418,7 +427,8 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
     int status = SAGA_EXIT_DATA;
 
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes,
-                       s->o->threads, &s->error) && prepare(s))
+                       s->o->threads, &s->error) &&
+        prepare(s))
         status = !is_video(s->o->out) || open_video(s) ? make_all(s)
                                                        : SAGA_EXIT_USAGE;
     /* This also happens after a failure, to end ffmpeg and remove its
@@ -432,7 +442,7 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_render(int argc, char **argv)
 {
     options o = { .time = -1.0 };
     session s = { .o = &o };
@@ -455,8 +465,7 @@ static int run(int argc, char **argv)
     if (!status)
         status = check_name(&s);
     if (!status && !saga_read_file(&bytes, name, &s.error))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "render: %s",
-                                s.error.message);
+        status = saga_cli_error(SAGA_EXIT_USAGE, "render: %s", s.error.message);
     else if (!status) {
         status = render(&s, name, &bytes);
         saga_bytes_free(&bytes);
@@ -489,8 +498,7 @@ static bool read_point(void *to, const char *text,
 }
 
 /* Reads a time in seconds, at least 0. */
-static bool read_time(void *to, const char *text,
-                      const saga_cli_option *option)
+static bool read_time(void *to, const char *text, const saga_cli_option *option)
 {
     double v;
 
@@ -501,28 +509,31 @@ static bool read_time(void *to, const char *text,
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the picture: .png (8 bits) or .exr (the same 8 bits as\n"
+    { "-o", "OUT",
+      "the picture: .png (8 bits) or .exr (the same 8 bits as\n"
       "linear light). For several pictures put %d or %04d into\n"
       "the name, or write a film, .mp4, for which ffmpeg is\n"
-      "needed", saga_cli_text, offsetof(options, out), 0, 0 },
+      "needed",
+      saga_cli_text, offsetof(options, out), 0, 0 },
     { "--camera", "NAME",
       "a camera of the file, by name or by number, 3 or rig:3\n"
       "(default 0);\n"
-      "`saga info` lists them", saga_cli_text, offsetof(options, camera), 0,
-      0 },
+      "`saga info` lists them",
+      saga_cli_text, offsetof(options, camera), 0, 0 },
     { "--no-exposure", NULL,
       "draw with the brightness that all views of the file\n"
-      "share, not with that of the camera's own exposure", saga_cli_flag,
-      offsetof(options, no_exposure), 0, 0 },
-    { "--orbit", "K", "K pictures along a closed path within the angles from\n"
+      "share, not with that of the camera's own exposure",
+      saga_cli_flag, offsetof(options, no_exposure), 0, 0 },
+    { "--orbit", "K",
+      "K pictures along a closed path within the angles from\n"
       "which the cameras filmed, over the whole time of the file",
       saga_cli_int, offsetof(options, orbit), 1, MAX_ORBIT },
     { "--path", "FILE",
       "pictures along the path in FILE, in the capture's units:\n"
       "JSON as `saga view` saves it, a camera path of nerfstudio\n"
       "(JSON), or COLMAP's images.txt or images.bin, with one\n"
-      "picture for each image in the order of the names", saga_cli_text,
-      offsetof(options, path), 0, 0 },
+      "picture for each image in the order of the names",
+      saga_cli_text, offsetof(options, path), 0, 0 },
     { "--look-at", "X,Y,Z",
       "turn the camera to this point, in the capture's units", read_point,
       offsetof(options, look_at), 0, 0 },
@@ -532,38 +543,44 @@ static const saga_cli_option option_list[] = {
       offsetof(options, time), 0, 0 },
     { "--frame", "N[/D]",
       "time of the picture in frames: 15/2 is half-way between\n"
-      "frames 7 and 8", saga_cli_fraction, offsetof(options, frame), 0,
-      INT32_MAX },
+      "frames 7 and 8",
+      saga_cli_fraction, offsetof(options, frame), 0, INT32_MAX },
     { "--frames", "A:B",
       "one picture for each frame A to B - 1, numbered by frame",
       saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
     { "--size", "WxH",
       "size of the picture (default: the camera's). Everything\n"
-      "that the camera sees stays in the picture", saga_cli_size,
-      offsetof(options, size), 1, SAGA_MAX_SIDE },
+      "that the camera sees stays in the picture",
+      saga_cli_size, offsetof(options, size), 1, SAGA_MAX_SIDE },
     { "--stereo", "METRES",
       "pictures for two eyes at this distance, side by side with\n"
       "the left one first, each at full width. The distance is\n"
       "in the capture's units if the file does not know the\n"
-      "length of a metre", saga_cli_real, offsetof(options, stereo), 0, 0 },
+      "length of a metre",
+      saga_cli_real, offsetof(options, stereo), 0, 0 },
     { "--depth", NULL,
       "draw distance instead of colour: along the camera's axis,\n"
       "in the capture's units, as the mean over what a pixel\n"
       "shows, weighted like its colours; 0 where nothing is.\n"
       ".exr has floats (Z), .png thousandths in 16 bits, at most\n"
-      "65535", saga_cli_flag, offsetof(options, depth), 0, 0 },
+      "65535",
+      saga_cli_flag, offsetof(options, depth), 0, 0 },
     { "--alpha", NULL,
       "draw opacity instead of colour: 1 where nothing of the\n"
       "background shows. .exr has floats (A), .png 16 bits, in\n"
-      "which 65535 is 1", saga_cli_flag, offsetof(options, alpha), 0, 0 },
+      "which 65535 is 1",
+      saga_cli_flag, offsetof(options, alpha), 0, 0 },
     { "--threads", "N",
       "number of threads (default: all cores); the pixels do not\n"
-      "depend on it", saga_cli_int, offsetof(options, threads), 1, 1024 },
+      "depend on it",
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_render = {
-    "render", "FILE", 1,
+    "render",
+    "FILE",
+    1,
     "draws pictures, of any view at any time",
     "Draws a .saga file with the integer decoder, with the same pixels on\n"
     "every machine. The view is that of a camera that filmed, or one on a\n"
@@ -589,5 +606,8 @@ const saga_command saga_command_render = {
     "distortion is drawn as the pinhole camera that `saga encode` makes of\n"
     "it. A COLMAP model has no times, so the pictures are spread over the\n"
     "whole file, unless --time or --frame gives one moment for all.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_render,
+    NULL
 };

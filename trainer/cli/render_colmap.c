@@ -31,8 +31,8 @@ static bool take_lens(saga_path_lens *lens, const saga_colmap_camera *camera,
     if (!saga_remap_plan(&plan, &camera->lens, camera->width, camera->height, 1,
                          folder, error))
         return false;
-    *lens = (saga_path_lens){ plan.width, plan.height, plan.fx, plan.fy,
-                              plan.cx, plan.cy };
+    *lens = (saga_path_lens){ plan.width, plan.height, plan.fx,
+                              plan.fy,    plan.cx,     plan.cy };
     return true;
 }
 
@@ -40,8 +40,8 @@ static bool take_image(saga_path_camera *to, const saga_colmap *model,
                        const saga_colmap_image *image, const char *folder,
                        saga_error *error)
 {
-    const saga_colmap_camera *const camera =
-        saga_colmap_camera_for(model, image, folder, error);
+    const saga_colmap_camera *const camera = saga_colmap_camera_for(
+        model, image, folder, error);
 
     if (!camera)
         return false;

@@ -13,13 +13,20 @@
 #include <string.h>
 
 /* The order of the numbers of a key camera. */
-enum { SECONDS, FRAME, FOV, EYE, TARGET = EYE + 3, UP = TARGET + 3,
-       KEY_LENGTH = UP + 3 };
+enum {
+    SECONDS,
+    FRAME,
+    FOV,
+    EYE,
+    TARGET = EYE + 3,
+    UP = TARGET + 3,
+    KEY_LENGTH = UP + 3
+};
 
 typedef double key_row[KEY_LENGTH];
 
 typedef struct {
-    const char *name;        /* name of the file */
+    const char *name; /* name of the file */
     saga_path *path;
     saga_error *error;
 } reader;
@@ -58,38 +65,39 @@ bool saga_look_at(double rotation[9], const double eye[3],
 
 /* Adapts a lens to another size of picture, so that everything that it saw
  * stays visible. */
-static void scale_lens(saga_shot *shot, const saga_path_lens *lens)
+static void scale_lens(saga_source_view *view, const saga_path_lens *lens)
 {
-    const double sx = (double)shot->width / lens->width;
-    const double sy = (double)shot->height / lens->height;
+    const double sx = (double)view->width / lens->width;
+    const double sy = (double)view->height / lens->height;
     const double scale = fmin(sx, sy);
 
     /* The smaller factor cuts nothing off. The principal point keeps its scaled
      * offset from the centre. */
-    shot->fx = scale * lens->fx;
-    shot->fy = scale * lens->fy;
-    shot->cx = 0.5 * shot->width + scale * (lens->cx - 0.5 * lens->width);
-    shot->cy = 0.5 * shot->height + scale * (lens->cy - 0.5 * lens->height);
+    view->fx = scale * lens->fx;
+    view->fy = scale * lens->fy;
+    view->cx = 0.5 * view->width + scale * (lens->cx - 0.5 * lens->width);
+    view->cy = 0.5 * view->height + scale * (lens->cy - 0.5 * lens->height);
 }
 
-void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
-                    int height)
+void saga_path_view(saga_source_view *view, const saga_path_camera *camera,
+                    int width, int height)
 {
-    *shot = (saga_shot){ .name = "path", .width = width, .height = height };
+    *view =
+        (saga_source_view){ .name = "path", .width = width, .height = height };
     if (camera->fov > 0.0) {
         /* Half of the height is f tan(fov / 2); pi / 360 converts half of the
          * degrees to radians. */
-        shot->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
-        shot->fy = shot->fx;
-        shot->cx = 0.5 * width;
-        shot->cy = 0.5 * height;
+        view->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
+        view->fy = view->fx;
+        view->cx = 0.5 * width;
+        view->cy = 0.5 * height;
     } else {
-        scale_lens(shot, &camera->lens);
+        scale_lens(view, &camera->lens);
     }
-    memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
+    memcpy(view->rotation, camera->rotation, sizeof view->rotation);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
-            shot->translation[i] -= shot->rotation[3 * i + k] *
+            view->translation[i] -= view->rotation[3 * i + k] *
                                     camera->centre[k];
 }
 
@@ -98,8 +106,7 @@ void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
 static bool bad(const reader *r, size_t i, const char *what)
 {
     return saga_fail(r->error, r->name, "`saga help render` has an example",
-                     "camera %zu of the path has no valid \"%s\"", i + 1,
-                     what);
+                     "camera %zu of the path has no valid \"%s\"", i + 1, what);
 }
 
 static bool number_of(double *v, const json_t *value)
@@ -158,11 +165,10 @@ static bool read_key(const reader *r, double *row, const json_t *key, size_t i)
     static const struct {
         const char *name;
         int at;
-        size_t n;            /* 1: a number; otherwise an array of n */
-    } parts[] = {
-        { "seconds", SECONDS, 1 }, { "frame", FRAME, 1 }, { "fov", FOV, 1 },
-        { "eye", EYE, 3 }, { "target", TARGET, 3 }, { "up", UP, 3 }
-    };
+        size_t n; /* 1: a number; otherwise an array of n */
+    } parts[] = { { "seconds", SECONDS, 1 }, { "frame", FRAME, 1 },
+                  { "fov", FOV, 1 },         { "eye", EYE, 3 },
+                  { "target", TARGET, 3 },   { "up", UP, 3 } };
 
     for (size_t p = 0; p < sizeof parts / sizeof parts[0]; p++) {
         const json_t *const value = json_object_get(key, parts[p].name);
@@ -235,7 +241,8 @@ static bool play_keys(const reader *r, const key_row *key, int n)
         row_at(row, key, n, start + i / fps);
         if (!is_fov(row[FOV]) ||
             !saga_look_at(c->rotation, row + EYE, row + TARGET, row + UP))
-            return saga_fail(r->error, r->name, "keep eye and target apart, "
+            return saga_fail(r->error, r->name,
+                             "keep eye and target apart, "
                              "and up away from the line through both",
                              "picture %d of the path has no direction", i + 1);
         memcpy(c->centre, row + EYE, sizeof c->centre);
@@ -331,15 +338,17 @@ static bool read_nerfstudio(const reader *r, const json_t *root)
 
 static bool read_root(const reader *r, const json_t *root)
 {
-    const char *const format =
-        json_string_value(json_object_get(root, "format"));
+    const char *const format = json_string_value(
+        json_object_get(root, "format"));
 
     if (format && !strcmp(format, "saga camera path 1"))
         return read_keys(r, root);
     if (json_object_get(root, "camera_path"))
         return read_nerfstudio(r, root);
-    return saga_fail(r->error, r->name, "save one in `saga view` or in "
-                     "nerfstudio's viewer", "is not a camera path");
+    return saga_fail(r->error, r->name,
+                     "save one in `saga view` or in "
+                     "nerfstudio's viewer",
+                     "is not a camera path");
 }
 
 static bool read_json(saga_path *path, const char *name, saga_error *error)
@@ -378,8 +387,8 @@ bool saga_path_read(saga_path *path, const char *name, saga_error *error)
 
     *path = (saga_path){ 0 };
     ok = strcmp(base, "images.txt") && strcmp(base, "images.bin")
-        ? read_json(path, name, error)
-        : read_beside(path, name, (size_t)(base - name), error);
+             ? read_json(path, name, error)
+             : read_beside(path, name, (size_t)(base - name), error);
     if (!ok)
         saga_path_free(path);
     return ok;

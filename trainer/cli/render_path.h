@@ -35,24 +35,25 @@ typedef struct saga_path_lens {
 } saga_path_lens;
 
 typedef struct saga_path_camera {
-    double rotation[9];      /* from world to camera axes, as in a saga_shot */
+    double
+        rotation[9]; /* from world to camera axes, as in a saga_source_view */
     double centre[3];
-    double fov;              /* vertical angle in degrees; 0: see lens */
+    double fov; /* vertical angle in degrees; 0: see lens */
     saga_path_lens lens;
-    double time;             /* in the unit that saga_path.clock says */
+    double time; /* in the unit that saga_path.clock says */
 } saga_path_camera;
 
 typedef struct saga_path {
-    int n;                   /* number of pictures */
+    int n;                    /* number of pictures */
     saga_path_camera *camera; /* (n) */
-    double fps;              /* pictures a second of the path; 0: not given */
-    int width, height;       /* size of the path's pictures; 0: not given; if
-                              * the cameras have lenses, that of the first
-                              * one */
+    double fps;               /* pictures a second of the path; 0: not given */
+    int width, height;        /* size of the path's pictures; 0: not given; if
+                               * the cameras have lenses, that of the first
+                               * one */
     enum {
-        SAGA_PATH_TIMELESS,  /* the path has no times */
-        SAGA_PATH_FRAMES,    /* time is in frames of the saga file */
-        SAGA_PATH_SHARE      /* 0 is the saga file's first frame, 1 its last */
+        SAGA_PATH_TIMELESS, /* the path has no times */
+        SAGA_PATH_FRAMES,   /* time is in frames of the saga file */
+        SAGA_PATH_SHARE     /* 0 is the saga file's first frame, 1 its last */
     } clock;
 } saga_path;
 
@@ -72,10 +73,10 @@ bool saga_path_read_colmap(saga_path *path, const char *folder, bool binary,
 bool saga_look_at(double rotation[9], const double eye[3],
                   const double target[3], const double up[3]);
 
-/* Makes a shot of width x height from a camera of a path. It shows what the
+/* Makes a view of width x height from a camera of a path. It shows what the
  * camera's lens shows; without a lens, pixels are square and the optical axis
  * goes through the centre of the picture. */
-void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
-                    int height);
+void saga_path_view(saga_source_view *view, const saga_path_camera *camera,
+                    int width, int height);
 
 #endif

@@ -34,12 +34,12 @@ static bool is_drawn_in_place(const saga_sight *s)
 
 bool saga_sight_alloc(saga_sight *s, size_t n, saga_error *error)
 {
-    const size_t drawn = s->kind == SAGA_SIGHT_COLOUR ? 3
-                                                      : sizeof(saga_depth);
+    const size_t drawn = s->kind == SAGA_SIGHT_COLOUR ? 3 : sizeof(saga_depth);
 
     s->eye = saga_alloc(n, drawn, what, error);
-    s->all = is_drawn_in_place(s) ? s->eye : saga_alloc(
-        n * (size_t)saga_sight_eyes(s), pixel_nbytes(s), what, error);
+    s->all = is_drawn_in_place(s) ? s->eye
+                                  : saga_alloc(n * (size_t)saga_sight_eyes(s),
+                                               pixel_nbytes(s), what, error);
     return s->eye && s->all;
 }
 
@@ -59,8 +59,8 @@ static bool step_aside(saga_camera *c, const saga_film *film, double aside,
 {
     /* The first row of the rotation, in Q30, is the camera's right. */
     for (int i = 0; i < 3; i++) {
-        const double at = c->centre[i] + rint(
-            aside / film->metric.unit * ldexp(c->rotation_q30[i], -30));
+        const double at = c->centre[i] + rint(aside / film->metric.unit *
+                                              ldexp(c->rotation_q30[i], -30));
 
         if (!(fabs(at) <= MOST_CENTRE))
             return saga_fail(error, "--stereo", "give a smaller distance",
@@ -80,10 +80,10 @@ static void take_values(float *to, const saga_sight *s, size_t first, size_t n,
     /* A depth is sum / weight. A weight of 0 means that the pixel shows
      * nothing, which is depth 0. */
     for (size_t i = 0; i < n; i++)
-        to[i] = s->kind == SAGA_SIGHT_ALPHA
-            ? (float)(d[i].weight_q16 / 65536.0)
-            : d[i].weight_q16
-            ? (float)(unit * ((double)d[i].sum_q16 / d[i].weight_q16)) : 0.0f;
+        to[i] = s->kind == SAGA_SIGHT_ALPHA ? (float)(d[i].weight_q16 / 65536.0)
+                : d[i].weight_q16
+                    ? (float)(unit * ((double)d[i].sum_q16 / d[i].weight_q16))
+                    : 0.0f;
 }
 
 /* Copies what was drawn for an eye to its place in the picture. */
@@ -109,7 +109,8 @@ bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
     if (saga_sight_eyes(s) * camera->width > SAGA_MAX_SIDE)
         return saga_fail(error, "--stereo", "give a --size of half of that",
                          "two pictures of %d pixels side by side are wider "
-                         "than %d", camera->width, SAGA_MAX_SIDE);
+                         "than %d",
+                         camera->width, SAGA_MAX_SIDE);
     /* The two eyes are half of their distance to either side. */
     for (int eye = 0; eye < saga_sight_eyes(s); eye++) {
         saga_camera c = *camera;
@@ -118,9 +119,9 @@ bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
             !step_aside(&c, film, eye ? 0.5 * s->base : -0.5 * s->base, error))
             return false;
         if (s->kind == SAGA_SIGHT_COLOUR
-            ? !saga_film_draw(film, &c, frame_num, frame_den, s->eye, error)
-            : !saga_film_draw_depth(film, &c, frame_num, frame_den, s->eye,
-                                    error))
+                ? !saga_film_draw(film, &c, frame_num, frame_den, s->eye, error)
+                : !saga_film_draw_depth(film, &c, frame_num, frame_den, s->eye,
+                                        error))
             return false;
         if (s->kind == SAGA_SIGHT_COLOUR && s->rig >= 0)
             saga_film_expose(film, (uint32_t)s->rig, s->eye,
@@ -165,6 +166,6 @@ bool saga_sight_write(const saga_sight *s, const char *name, int width,
     if (!exr)
         return write_grey(s, name, all, height, error);
     return s->kind == SAGA_SIGHT_DEPTH
-        ? saga_exr_write_depth(name, all, height, s->all, error)
-        : saga_exr_write_alpha(name, all, height, s->all, error);
+               ? saga_exr_write_depth(name, all, height, s->all, error)
+               : saga_exr_write_alpha(name, all, height, s->all, error);
 }

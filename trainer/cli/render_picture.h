@@ -13,20 +13,20 @@
 #include "view.h"
 
 typedef enum saga_sight_kind {
-    SAGA_SIGHT_COLOUR,       /* (H, W, 3) uint8_t */
-    SAGA_SIGHT_DEPTH,        /* (H, W) float: expected depth along the camera's
-                              * axis in the capture's units; 0: nothing is
-                              * visible */
-    SAGA_SIGHT_ALPHA         /* (H, W) float, 0 to 1 */
+    SAGA_SIGHT_COLOUR, /* (H, W, 3) uint8_t */
+    SAGA_SIGHT_DEPTH,  /* (H, W) float: expected depth along the camera's
+                        * axis in the capture's units; 0: nothing is
+                        * visible */
+    SAGA_SIGHT_ALPHA   /* (H, W) float, 0 to 1 */
 } saga_sight_kind;
 
 typedef struct saga_sight {
     saga_sight_kind kind;
-    double base;             /* distance between the eyes in the capture's
-                              * units; 0: one eye */
-    int rig;                 /* the camera of the file's rig whose tone the
-                              * picture gets; -1: the file's own tone */
-    void *eye;               /* the decoder's output for one eye */
+    double base; /* distance between the eyes in the capture's
+                  * units; 0: one eye */
+    int rig;     /* the camera of the file's rig whose tone the
+                  * picture gets; -1: the file's own tone */
+    void *eye;   /* the decoder's output for one eye */
     void *all; /* the whole picture, as described at its kind; may equal eye */
 } saga_sight;
 

@@ -23,8 +23,7 @@ static void write_shift(char *to, size_t n, double start)
 
 static void write_words(words *w, const saga_film_plan *plan, const char *out)
 {
-    (void)snprintf(w->size, sizeof w->size, "%dx%d", plan->width,
-                   plan->height);
+    (void)snprintf(w->size, sizeof w->size, "%dx%d", plan->width, plan->height);
     (void)snprintf(w->rate, sizeof w->rate, "%.6f", plan->fps);
     (void)snprintf(w->seconds, sizeof w->seconds, "%.6f",
                    plan->n_pictures / plan->fps);
@@ -42,36 +41,51 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
     static const char even_bt709[] = "scale=out_color_matrix=bt709:"
                                      "out_range=tv,"
                                      "pad=ceil(iw/2)*2:ceil(ih/2)*2";
-    const char *const pictures[] = {
-        "-pix_fmt", "rgb24", "-s", say.size, "-r", say.rate, NULL
-    };
+    const char *const pictures[] = { "-pix_fmt", "rgb24",  "-s", say.size,
+                                     "-r",       say.rate, NULL };
     /* With -xerror a write that fails is an error also where the file ends,
      * behind which ffmpeg would otherwise report success. */
-    const char *const film[] = {
-        "-y", "-xerror", "-vf", even_bt709,
-        "-c:v", "libx264", "-crf", "16", "-preset", "medium", "-pix_fmt",
-        "yuv420p", "-colorspace", "bt709", "-color_primaries", "bt709",
-        "-color_trc", "bt709", "-color_range", "tv", "-movflags", "+faststart",
-        "-f", "mp4", NULL
-    };
+    const char *const film[] = { "-y",
+                                 "-xerror",
+                                 "-vf",
+                                 even_bt709,
+                                 "-c:v",
+                                 "libx264",
+                                 "-crf",
+                                 "16",
+                                 "-preset",
+                                 "medium",
+                                 "-pix_fmt",
+                                 "yuv420p",
+                                 "-colorspace",
+                                 "bt709",
+                                 "-color_primaries",
+                                 "bt709",
+                                 "-color_trc",
+                                 "bt709",
+                                 "-color_range",
+                                 "tv",
+                                 "-movflags",
+                                 "+faststart",
+                                 "-f",
+                                 "mp4",
+                                 NULL };
     const char *const silent[] = { say.name, NULL };
-    const char *const with_sound[] = {
-        "-af", say.shift, "-c:a", "aac", "-t", say.seconds, say.name, NULL
-    };
-    const saga_ffmpeg job = {
-        "ffmpeg",
-        { { .format = "rawvideo", .words = pictures },
-          { .path = sound->file, .format = "ogg", .offset = sound->offset,
-            .nbytes = sound->nbytes } },
-        film, sound->file ? with_sound : silent
-    };
+    const char *const with_sound[] = { "-af", say.shift,   "-c:a",   "aac",
+                                       "-t",  say.seconds, say.name, NULL };
+    const saga_ffmpeg job = { "ffmpeg",
+                              { { .format = "rawvideo", .words = pictures },
+                                { .path = sound->file,
+                                  .format = "ogg",
+                                  .offset = sound->offset,
+                                  .nbytes = sound->nbytes } },
+                              film,
+                              sound->file ? with_sound : silent };
 
     if (!saga_output_open(&w->out, path, error))
         return false;
-    write_words(&say, plan,
-                w->out.temporary ? w->out.temporary : w->out.path);
-    w->picture_nbytes = (size_t)3 * (size_t)plan->width *
-                        (size_t)plan->height;
+    write_words(&say, plan, w->out.temporary ? w->out.temporary : w->out.path);
+    w->picture_nbytes = (size_t)3 * (size_t)plan->width * (size_t)plan->height;
     if (saga_ffmpeg_start(&w->ffmpeg, &job, error))
         return true;
     saga_output_close(&w->out, false, error);
@@ -80,12 +94,13 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
 
 /* Waits for ffmpeg and reports its error if it failed, or if it said anything:
  * older ones end with status 0 after a write that failed. */
-static bool end(saga_film_writer *w, bool kill_it, saga_error *error)
+static bool end_child(saga_film_writer *w, bool kill_it, saga_error *error)
 {
     return (saga_child_end(&w->ffmpeg, kill_it) == 0 && !w->ffmpeg.tail[0]) ||
-           saga_fail(error, w->out.path, "check the free space of the disk and "
-                     "that ffmpeg has libx264", "ffmpeg failed: %s",
-                     w->ffmpeg.tail);
+           saga_fail(error, w->out.path,
+                     "check the free space of the disk and "
+                     "that ffmpeg has libx264",
+                     "ffmpeg failed: %s", w->ffmpeg.tail);
 }
 
 bool saga_film_writer_add(saga_film_writer *w, const uint8_t *rgb,
@@ -93,7 +108,7 @@ bool saga_film_writer_add(saga_film_writer *w, const uint8_t *rgb,
 {
     if (saga_child_write(&w->ffmpeg, rgb, w->picture_nbytes))
         return true;
-    end(w, false, error);
+    end_child(w, false, error);
     return saga_fail(error, w->out.path, "try another name",
                      "ffmpeg took no more pictures");
 }
@@ -102,6 +117,6 @@ bool saga_film_writer_close(saga_film_writer *w, bool ok, saga_error *error)
 {
     if (!w->out.path)
         return ok;
-    ok = end(w, !ok, error) && ok;
+    ok = end_child(w, !ok, error) && ok;
     return saga_output_close(&w->out, ok, error);
 }

@@ -12,11 +12,11 @@
 
 /* The sound of a film, which lies inside a saga file. */
 typedef struct saga_film_sound {
-    const char *file;        /* NULL: no sound */
+    const char *file; /* NULL: no sound */
     uint64_t offset;
     uint32_t nbytes;
-    double start;            /* seconds after the first picture; may be
-                              * negative */
+    double start; /* seconds after the first picture; may be
+                   * negative */
 } saga_film_sound;
 
 typedef struct saga_film_writer {
@@ -29,7 +29,7 @@ typedef struct saga_film_writer {
 typedef struct saga_film_plan {
     int width, height, n_pictures;
     double fps;
-    saga_film_sound sound;   /* it is cut where the pictures end */
+    saga_film_sound sound; /* it is cut where the pictures end */
 } saga_film_plan;
 
 bool saga_film_writer_open(saga_film_writer *w, const char *path,

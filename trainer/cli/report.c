@@ -56,7 +56,8 @@ static const char *address_of(const saga_bytes *b)
     if (b->nbytes > 8 && !memcmp(b->data, "\x89PNG\r\n\x1a\n", 8))
         return "data:image/png;base64,";
     return b->nbytes > 3 && !memcmp(b->data, "\xff\xd8\xff", 3)
-        ? "data:image/jpeg;base64," : NULL;
+               ? "data:image/jpeg;base64,"
+               : NULL;
 }
 
 /* Reads a picture that a file of results names. Results may come from somebody
@@ -88,8 +89,10 @@ static bool read_picture(session *s, char **text, const char *path,
         ok = *text != NULL;
     }
     if (why)
-        saga_cli_error(0, "report: the page lacks the picture %s, which %s "
-                       "names: it %s", path, results, why);
+        saga_cli_error(0,
+                       "report: the page lacks the picture %s, which %s "
+                       "names: it %s",
+                       path, results, why);
     saga_bytes_free(&bytes);
     free(real);
     return ok;
@@ -99,8 +102,8 @@ static bool read_picture(session *s, char **text, const char *path,
 static bool add_picture(session *s, json_t *list, const json_t *result,
                         const json_t *view, const saga_results *of)
 {
-    const char *const path = json_string_value(json_object_get(view,
-                                                               "picture"));
+    const char *const path = json_string_value(
+        json_object_get(view, "picture"));
     char name[SERIES_NBYTES];
     char *text;
 
@@ -112,12 +115,13 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
     if (!text)
         return true;
     name_series(name, of->path);
-    saga_json_append_item(list, json_pack("{sssfsOsOsOsOss}",
-        "series", name, "nbytes", saga_result_nbytes(result),
-        "view", json_object_get(view, "name"),
-        "frame", json_object_get(view, "picture_frame"),
-        "width", json_object_get(view, "width"),
-        "height", json_object_get(view, "height"), "url", text));
+    saga_json_append_item(
+        list, json_pack("{sssfsOsOsOsOss}", "series", name, "nbytes",
+                        saga_result_nbytes(result), "view",
+                        json_object_get(view, "name"), "frame",
+                        json_object_get(view, "picture_frame"), "width",
+                        json_object_get(view, "width"), "height",
+                        json_object_get(view, "height"), "url", text));
     free(text);
     return true;
 }
@@ -131,8 +135,8 @@ static json_t *json_metrics(void)
 
     for (int i = 0; (m = saga_metric_at(i)); i++)
         if (m->compared)
-            saga_json_append_item(list, json_pack("{ssss}", "key", m->key,
-                                                  "name", m->label));
+            saga_json_append_item(
+                list, json_pack("{ssss}", "key", m->key, "name", m->label));
     return list;
 }
 
@@ -155,9 +159,9 @@ static bool add_series(session *s, json_t *page, const saga_results *r)
                 return false;
             }
     }
-    saga_json_append_item(json_object_get(page, "series"),
-                          json_pack("{ssso}", "name", name, "results",
-                                    results));
+    saga_json_append_item(
+        json_object_get(page, "series"),
+        json_pack("{ssso}", "name", name, "results", results));
     /* The first file is the reference for BD-rates. Two single results are not
      * curves. */
     if (r != &s->results[0] && (r->n > 1 || s->results[0].n > 1))
@@ -169,9 +173,10 @@ static bool add_series(session *s, json_t *page, const saga_results *r)
 
 static json_t *json_page(session *s)
 {
-    json_t *const page = json_pack("{sssiso s[]s[]s[]}",
-        "program", "saga " SAGA_RELEASE, "gap", SAGA_MONTAGE_GAP,
-        "metrics", json_metrics(), "series", "bd", "pictures");
+    json_t *const page = json_pack("{sssiso s[]s[]s[]}", "program",
+                                   "saga " SAGA_RELEASE, "gap",
+                                   SAGA_MONTAGE_GAP, "metrics", json_metrics(),
+                                   "series", "bd", "pictures");
 
     for (int i = 0; i < s->n; i++)
         if (!add_series(s, page, &s->results[i])) {
@@ -225,8 +230,8 @@ static int write_page(session *s, json_t *page)
     }
     free(json);
     json_decref(page);
-    return ok ? SAGA_EXIT_OK : saga_cli_error(SAGA_EXIT_USAGE, "report: %s",
-                                              s->error.message);
+    return ok ? SAGA_EXIT_OK
+              : saga_cli_error(SAGA_EXIT_USAGE, "report: %s", s->error.message);
 }
 
 static int load(session *s, const char *path)
@@ -240,14 +245,14 @@ static int load(session *s, const char *path)
                               "report: %s", s->error.message);
     differs = saga_results_differ(s->results[0].result[0], r->result[0]);
     if (differs)
-        return saga_cli_error(SAGA_EXIT_DATA, "report: %s has other %s than "
-                              "%s; evaluate both with the same options", path,
-                              differs,
-                              s->results[0].path);
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "report: %s has other %s than "
+                              "%s; evaluate both with the same options",
+                              path, differs, s->results[0].path);
     return SAGA_EXIT_OK;
 }
 
-static int run(int argc, char **argv)
+static int run_report(int argc, char **argv)
 {
     options o = { NULL };
     const char *names[MOST_FILES + 1] = { NULL };
@@ -257,7 +262,8 @@ static int run(int argc, char **argv)
     if (status != SAGA_CLI_GO_ON)
         return status;
     if (!o.output)
-        return saga_cli_error(SAGA_EXIT_USAGE, "report: -o FILE.html is "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "report: -o FILE.html is "
                               "missing; it says where the page goes");
     /* All files are read before the page is begun. */
     status = SAGA_EXIT_OK;
@@ -273,12 +279,14 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "FILE.html", "the page to write", saga_cli_text, offsetof(options,
-      output), 0, 0 }
+    { "-o", "FILE.html", "the page to write", saga_cli_text,
+      offsetof(options, output), 0, 0 }
 };
 
 const saga_command saga_command_report = {
-    "report", "A.json ...", 1,
+    "report",
+    "A.json ...",
+    1,
     "makes a page of results: curves, bytes, pictures",
     "Reads results of `saga eval --json`, one or several in each file as for\n"
     "`saga compare`, and writes one page that needs no other file. It shows\n"
@@ -290,5 +298,8 @@ const saga_command saga_command_report = {
     "\n"
     "  saga eval a.saga capture --pictures a --json >a.json\n"
     "  saga report a.json -o report.html\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_report,
+    NULL
 };

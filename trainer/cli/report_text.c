@@ -60,8 +60,7 @@ static bool is_there(const json_t *v)
         return json_number_value(v) != 0.0;
     if (json_is_string(v))
         return json_string_value(v)[0] != '\0';
-    return json_is_true(v) || json_array_size(v) > 0 ||
-           json_object_size(v) > 0;
+    return json_is_true(v) || json_array_size(v) > 0 || json_object_size(v) > 0;
 }
 
 /* --- Conditions ---------------------------------------------------------- */
@@ -79,8 +78,10 @@ static bool holds(const char *condition, size_t n, const place *at)
     if (n_path + negated >= n)
         return is_there(v) != negated;
     wanted = atof(path + n_path + 1);
-    return negated != (path[n_path] == '>' ? json_number_value(v) > wanted
-                       : json_is_number(v) && json_number_value(v) == wanted);
+    return negated !=
+           (path[n_path] == '>'
+                ? json_number_value(v) > wanted
+                : json_is_number(v) && json_number_value(v) == wanted);
 }
 
 static bool all_hold(const char *conditions, const place *at)
@@ -155,8 +156,8 @@ static void print_integer(json_int_t v, const char *format)
     printf(n ? longer : "%lld", v);
 }
 
-static void print_value(const json_t *v, const json_t *parent,
-                        const char *key, const field *f)
+static void print_value(const json_t *v, const json_t *parent, const char *key,
+                        const field *f)
 {
     const size_t n = strlen(f->format);
     const char last = n ? f->format[n - 1] : '\0';
@@ -240,13 +241,15 @@ static void print_each(const saga_line *lines, int n, place at)
     size_t i;
 
     at.number = 0;
-    json_array_foreach(of, i, value) {
+    json_array_foreach(of, i, value)
+    {
         at.item = value;
         at.number = i;
         print_pieces(lines, n, &at);
     }
     /* jansson iterates over objects through non-const pointers only. */
-    json_object_foreach((json_t *)of, name, value) {
+    json_object_foreach((json_t *)of, name, value)
+    {
         at.item = value;
         at.key = name;
         print_pieces(lines, n, &at);

@@ -23,11 +23,12 @@ void saga_results_free(saga_results *r)
 
 static bool is_result(const json_t *o)
 {
-    const char *const command = json_string_value(json_object_get(o,
-                                                                  "command"));
+    const char *const command = json_string_value(
+        json_object_get(o, "command"));
 
     return json_integer_value(json_object_get(o, "schema")) ==
-               SAGA_JSON_SCHEMA && command && !strcmp(command, "eval") &&
+               SAGA_JSON_SCHEMA &&
+           command && !strcmp(command, "eval") &&
            json_array_size(json_object_get(o, "views")) > 0 &&
            json_is_object(json_object_get(o, "protocol"));
 }
@@ -37,17 +38,21 @@ static bool add(saga_results *r, json_t *o, saga_error *error)
     const char *differs;
 
     if (!is_result(o))
-        return saga_fail(error, r->path, "give results of `saga eval --json` "
+        return saga_fail(error, r->path,
+                         "give results of `saga eval --json` "
                          "of this version",
                          "holds something else than results "
-                         "of schema %d", SAGA_JSON_SCHEMA);
+                         "of schema %d",
+                         SAGA_JSON_SCHEMA);
     differs = r->n ? saga_results_differ(r->result[0], o) : NULL;
     if (differs)
         return saga_fail(error, r->path, "use results of one protocol",
                          "holds results whose %s differ", differs);
     if (r->n == SAGA_BD_MOST_POINTS)
-        return saga_fail(error, r->path, "split it", "holds more than %d "
-                         "results", SAGA_BD_MOST_POINTS);
+        return saga_fail(error, r->path, "split it",
+                         "holds more than %d "
+                         "results",
+                         SAGA_BD_MOST_POINTS);
     r->result[r->n++] = json_incref(o);
     return true;
 }
@@ -101,8 +106,10 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
         at += skip_blanks((const char *)bytes.data + at);
     }
     saga_bytes_free(&bytes);
-    return ok && (r->n || saga_fail(error, path, "give results of `saga eval "
-                                    "--json`", "holds no results"));
+    return ok && (r->n || saga_fail(error, path,
+                                    "give results of `saga eval "
+                                    "--json`",
+                                    "holds no results"));
 }
 
 /* --- What they say ------------------------------------------------------- */
@@ -175,11 +182,10 @@ static json_t *bd_of(const saga_results *anchor, const saga_results *test,
     if (!isfinite(a.point[0].quality) || !isfinite(t.point[0].quality))
         return NULL;
     bd = saga_bd_rate(&a, &t);
-    return bd.refused
-        ? json_pack("{ss}", "refused", bd.refused)
-        : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima", bd.akima,
-                    "overlap", bd.overlap, "range", sign * bd.lo,
-                    sign * bd.hi);
+    return bd.refused ? json_pack("{ss}", "refused", bd.refused)
+                      : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima",
+                                  bd.akima, "overlap", bd.overlap, "range",
+                                  sign * bd.lo, sign * bd.hi);
 }
 
 json_t *saga_results_bd(const saga_results *anchor, const saga_results *test)
@@ -192,7 +198,9 @@ json_t *saga_results_bd(const saga_results *anchor, const saga_results *test)
 
         for (int m = 0; (metric = saga_metric_at(m)); m++) {
             json_t *const bd = metric->compared
-                ? bd_of(anchor, test, saga_set_keys[i], metric) : NULL;
+                                   ? bd_of(anchor, test, saga_set_keys[i],
+                                           metric)
+                                   : NULL;
 
             if (bd)
                 saga_json_set_value(set, metric->key, bd);

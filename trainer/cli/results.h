@@ -13,8 +13,8 @@
 #include <jansson.h>
 
 typedef struct saga_results {
-    const char *path;        /* owned by the caller */
-    int n;                   /* number of results, at least 1 */
+    const char *path; /* owned by the caller */
+    int n;            /* number of results, at least 1 */
     json_t *result[SAGA_BD_MOST_POINTS];
 } saga_results;
 

@@ -21,8 +21,8 @@ enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 
 typedef struct {
     const char *out;
-    int n_layers;           /* layers that cut keeps; 0: all */
-    bool allow_gaps;        /* join films although parts are missing */
+    int n_layers;    /* layers that cut keeps; 0: all */
+    bool allow_gaps; /* join films although parts are missing */
 } options;
 
 static bool has_sound(const uint8_t *bytes, size_t n)
@@ -33,8 +33,8 @@ static bool has_sound(const uint8_t *bytes, size_t n)
 }
 
 /* Warns if a part has sound but the whole file has none. */
-static void tell_sound(const uint8_t *bytes, size_t n,
-                       const saga_splice_part *part, int n_parts)
+static void report_sound(const uint8_t *bytes, size_t n,
+                         const saga_splice_part *part, int n_parts)
 {
     bool had = false;
 
@@ -54,17 +54,20 @@ static int arrange(saga_part_record *all, const options *o,
     char missing[200];
     bool inside;
 
-    if (!saga_part_arrange(all, missing, sizeof missing, &inside, part,
-                           n_parts, &error))
+    if (!saga_part_arrange(all, missing, sizeof missing, &inside, part, n_parts,
+                           &error))
         return saga_cli_error(SAGA_EXIT_DATA, "join: %s", error.message);
     if (missing[0] && !o->allow_gaps)
-        return saga_cli_error(SAGA_EXIT_DATA, "join: of %" PRIu32 " segments, "
+        return saga_cli_error(SAGA_EXIT_DATA,
+                              "join: of %" PRIu32 " segments, "
                               "numbered from 0, these are missing: %s; give "
-                              "their parts too, or --allow-gaps", all->count,
-                              missing);
+                              "their parts too, or --allow-gaps",
+                              all->count, missing);
     if (missing[0])
-        saga_cli_error(0, "join: of %" PRIu32 " segments, numbered from 0, "
-                       "these are missing: %s", all->count, missing);
+        saga_cli_error(0,
+                       "join: of %" PRIu32 " segments, numbered from 0, "
+                       "these are missing: %s",
+                       all->count, missing);
     /* A film with a gap inside holds no run of segments, and can be no part of
      * a later join. */
     if (!missing[0] || inside)
@@ -94,7 +97,7 @@ static int write_splice(const char *command, const char *path,
         if (!record->count)
             saga_part_forget(path);
         saga_cli_print("%s: %zu bytes", path, n);
-        tell_sound(bytes, n, part, n_parts);
+        report_sound(bytes, n, part, n_parts);
     }
     free(bytes);
     return status;
@@ -110,8 +113,10 @@ static int splice_files(const char *command, const options *o,
     int status = SAGA_EXIT_OK;
 
     if (!o->out)
-        return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; see "
-                              "`saga help %s`", command, command);
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "%s: -o OUT is missing; see "
+                              "`saga help %s`",
+                              command, command);
     /* All files stay in memory, because the parts point into them. */
     for (int i = 0; i < n_parts && !status; i++) {
         if (!saga_read_file(&file[i], part[i].name, &error))
@@ -141,9 +146,11 @@ static int run_cut(int argc, char **argv)
     if (status != SAGA_CLI_GO_ON)
         return status;
     if (!saga_cli_range(&range, argument[1], &frames))
-        return saga_cli_error(SAGA_EXIT_USAGE, "cut: '%s' is not a range of "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "cut: '%s' is not a range of "
                               "frames; give A:B, like 0:24, for frames A to B "
-                              "- 1", argument[1]);
+                              "- 1",
+                              argument[1]);
     part.name = argument[0];
     part.first = (uint32_t)range.a;
     part.end = (uint32_t)range.b;
@@ -178,12 +185,14 @@ static const saga_cli_option join_list[] = {
       0, 0 },
     { "--allow-gaps", NULL,
       "join parts of `saga encode --only` although some are\n"
-      "missing, and say which", saga_cli_flag, offsetof(options, allow_gaps),
-      0, 0 }
+      "missing, and say which",
+      saga_cli_flag, offsetof(options, allow_gaps), 0, 0 }
 };
 
 const saga_command saga_command_cut = {
-    "cut", "FILE A:B", 2,
+    "cut",
+    "FILE A:B",
+    2,
     "copies some frames into a new file",
     "Writes frames A to B - 1 of a .saga file as a new file, without decoding\n"
     "them; bytes and pixels stay the same. A missing A is the first frame, a\n"
@@ -195,11 +204,16 @@ const saga_command saga_command_cut = {
     "layers, which saves bytes and makes the picture coarser: `saga cut FILE\n"
     ": --layers 1` keeps the first layer of all frames. Sound is kept only if\n"
     "all frames are kept.\n",
-    option_list, 2, run_cut, NULL
+    option_list,
+    2,
+    run_cut,
+    NULL
 };
 
 const saga_command saga_command_join = {
-    "join", "A B...", 2,
+    "join",
+    "A B...",
+    2,
     "appends files to each other",
     "Writes a .saga file that shows A, then B and so on, without decoding.\n"
     "The files must have the same networks, model, cameras and frame rate.\n"
@@ -212,5 +226,8 @@ const saga_command saga_command_join = {
     "Parts of `saga encode --only` have a record, FILE.part, beside them.\n"
     "They are joined in the order of their segments, and a segment that is\n"
     "missing or there twice is an error.\n",
-    join_list, 2, run_join, NULL
+    join_list,
+    2,
+    run_join,
+    NULL
 };

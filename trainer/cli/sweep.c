@@ -16,9 +16,9 @@
 #include <sys/stat.h>
 
 typedef struct {
-    char *file, *path;       /* N.saga and N.json in the folder */
-    saga_results loaded;     /* one result */
-    bool beaten;             /* another file is as good and no larger */
+    char *file, *path;   /* N.saga and N.json in the folder */
+    saga_results loaded; /* one result */
+    bool beaten;         /* another file is as good and no larger */
 } point;
 
 typedef struct {
@@ -47,17 +47,21 @@ static bool is_empty(const char *path)
 static int open_folder(const saga_sweep *s)
 {
     if (mkdir(s->folder, 0777) && errno != EEXIST)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s cannot be made "
-                              "(%s); name a folder that can", s->folder,
-                              strerror(errno));
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: -o %s cannot be made "
+                              "(%s); name a folder that can",
+                              s->folder, strerror(errno));
     if (!saga_path_is_folder(s->folder))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: -o %s is not a "
                               "folder, but --sweep writes several files",
                               s->folder);
     if (!s->resume && !is_empty(s->folder))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is not empty; give "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: %s is not empty; give "
                               "--resume to continue a sweep there, or name "
-                              "another folder", s->folder);
+                              "another folder",
+                              s->folder);
     return SAGA_EXIT_OK;
 }
 
@@ -95,7 +99,8 @@ static int read_point(session *s, point *p)
     if (!saga_results_load(&p->loaded, p->path, &s->error))
         return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
     if (!json_equal(json_object_get(encode_of(p), "options"), s->s->options))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s was made with other "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: %s was made with other "
                               "options; give those, or name another folder",
                               p->path);
     return SAGA_EXIT_OK;
@@ -132,8 +137,7 @@ static bool beats(const point *a, const point *b)
                            saga_result_nbytes(result_of(a));
     const double better = quality(a) - quality(b);
 
-    return smaller >= 0 && better >= 0 &&
-           (smaller > 0 || better > 0 || a < b);
+    return smaller >= 0 && better >= 0 && (smaller > 0 || better > 0 || a < b);
 }
 
 static void find_beaten(session *s)
@@ -155,17 +159,21 @@ static json_t *curve(const session *s)
 }
 
 static const saga_line text[] = {
-    { "", NULL, "file                      primitives    lambda       bytes  "
+    { "", NULL,
+      "file                      primitives    lambda       bytes  "
       "training  held out\n" },
-    { "", "points", "{file:%-24s}{result.encode.n_primitives:%12d}"
+    { "", "points",
+      "{file:%-24s}{result.encode.n_primitives:%12d}"
       "{result.encode.lambda:%10.3f}{result.nbytes:%12d}"
       "{result.training.psnr:%10.2f}{result.held_out.psnr:%10.2f}" },
     { "beaten", "points", "  beaten" },
     { "", "points", "\n" },
     { "", NULL, "PSNR in dB, of all pictures, by the integer decoder\n" },
-    { "any", NULL, "beaten: another file is as good and not larger; left out "
+    { "any", NULL,
+      "beaten: another file is as good and not larger; left out "
       "of the curve\n" },
-    { "", NULL, "{path}: the curve; `saga report {path} -o curve.html` draws "
+    { "", NULL,
+      "{path}: the curve; `saga report {path} -o curve.html` draws "
       "it\n" }
 };
 
@@ -194,7 +202,7 @@ static json_t *points_of(const session *s, const char *path)
 static int tell(session *s)
 {
     char *const path = saga_path_join(s->s->folder, "curve.json", &s->error);
-    const saga_telling how = { s->s->json, 9, path };
+    const saga_print_style how = { s->s->json, 9, path };
     int status;
 
     if (!path)
@@ -203,8 +211,8 @@ static int tell(session *s)
     saga_json_watch();
     status = saga_cli_write_json(curve(s), 9, path);
     if (!status)
-        status = saga_cli_tell(s->s->json ? curve(s) : points_of(s, path),
-                               &how, SAGA_LINES(text));
+        status = saga_cli_print_report(
+            s->s->json ? curve(s) : points_of(s, path), &how, SAGA_LINES(text));
     free(path);
     return status;
 }

@@ -24,9 +24,9 @@ enum { SAGA_SWEEP_N = 5 };
 typedef struct saga_sweep {
     const char *folder;
     bool resume; /* the folder may hold results of a sweep that was stopped */
-    bool json;               /* print JSON */
-    const json_t *options;   /* every result must have been made with these:
-                              * result.encode.options */
+    bool json;   /* print JSON */
+    const json_t *options; /* every result must have been made with these:
+                            * result.encode.options */
     /* Makes and evaluates a file with the fraction `part` of the largest number
      * of primitives, and writes its result, an `eval` report with "encode" in
      * it. Returns the exit status. */

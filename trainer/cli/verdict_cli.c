@@ -10,8 +10,7 @@
 /* Changes in a smaller fraction of the pixels count as noise. */
 #define LEAST_SHARE 1e-4
 
-void saga_put_verdict(json_t *report, const saga_verdict *v,
-                      const char *better)
+void saga_put_verdict(json_t *report, const saga_verdict *v, const char *better)
 {
     const double rest = saga_verdict_rest(v);
     const double moving = saga_change_psnr(&v->file);
@@ -30,11 +29,13 @@ void saga_put_verdict(json_t *report, const saga_verdict *v,
     if (shown && !isnan(rest))
         saga_put_text(o, "/still_word", saga_verdict_word(rest));
     if (moves)
-        saga_put_text(o, "/moving_word", lost ? "no better than a still picture"
-                                         : saga_verdict_word(moving));
-    saga_put_flag(o, "/bad", shown && (rest < SAGA_VERDICT_BLURRED ||
-                                       (moves && (lost || moving <
-                                                  SAGA_VERDICT_BLURRED))));
+        saga_put_text(o, "/moving_word",
+                      lost ? "no better than a still picture"
+                           : saga_verdict_word(moving));
+    saga_put_flag(o, "/bad",
+                  shown &&
+                      (rest < SAGA_VERDICT_BLURRED ||
+                       (moves && (lost || moving < SAGA_VERDICT_BLURRED))));
     saga_put_text(o, "/better", better);
     saga_put(report, "psnr_parts", o);
 }

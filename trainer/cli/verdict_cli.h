@@ -16,18 +16,22 @@ void saga_put_verdict(json_t *report, const saga_verdict *v,
                       const char *better);
 
 /* The lines that print it. */
-#define SAGA_VERDICT_LINES \
-    { "psnr_parts./still_word", NULL, "  things that stand still: " \
-      "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" }, \
-    { "psnr_parts./shown&!psnr_parts./still_word", NULL, \
-      "  nothing stands still" }, \
-    { "psnr_parts./moving_word", NULL, "; things that move " \
-      "({psnr_parts.moving_share*100:%.1f} % of the pixels): " \
-      "{psnr_parts.moving:%.1f} dB, {psnr_parts./moving_word}" }, \
-    { "psnr_parts./bad&psnr_parts./better", NULL, \
-      "\n  try --preset {psnr_parts./better}, or a larger --size" }, \
-    { "psnr_parts./bad&!psnr_parts./better", NULL, \
-      "\n  a larger --size would be better" }, \
-    { "psnr_parts./shown", NULL, "\n" }
+#define SAGA_VERDICT_LINES                                               \
+    { "psnr_parts./still_word", NULL,                                    \
+      "  things that stand still: "                                      \
+      "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" },          \
+        { "psnr_parts./shown&!psnr_parts./still_word", NULL,             \
+          "  nothing stands still" },                                    \
+        { "psnr_parts./moving_word", NULL,                               \
+          "; things that move "                                          \
+          "({psnr_parts.moving_share*100:%.1f} % of the pixels): "       \
+          "{psnr_parts.moving:%.1f} dB, {psnr_parts./moving_word}" },    \
+        { "psnr_parts./bad&psnr_parts./better", NULL,                    \
+          "\n  try --preset {psnr_parts./better}, or a larger --size" }, \
+        { "psnr_parts./bad&!psnr_parts./better", NULL,                   \
+          "\n  a larger --size would be better" },                       \
+    {                                                                    \
+        "psnr_parts./shown", NULL, "\n"                                  \
+    }
 
 #endif

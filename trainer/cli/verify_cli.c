@@ -17,9 +17,9 @@
 
 typedef struct {
     bool json, quiet;
-    int camera;              /* index in the rig */
-    saga_cli_pair frame;     /* time of the picture in frames, a fraction */
-    saga_cli_pair size;      /* 0: the camera's size */
+    int camera;          /* index in the rig */
+    saga_cli_pair frame; /* time of the picture in frames, a fraction */
+    saga_cli_pair size;  /* 0: the camera's size */
 } options;
 
 typedef struct {
@@ -28,7 +28,7 @@ typedef struct {
     saga_film film;
     saga_verify_view view;
     saga_verify result;
-    uint32_t number;         /* number of the camera in the capture */
+    uint32_t number; /* number of the camera in the capture */
     saga_error error;
 } session;
 
@@ -60,15 +60,17 @@ static json_t *rows_of(const saga_verify *v)
         json_t *const o = json_object();
 
         saga_put_text(o, "stage", saga_verify_stage[r->stage]);
-        saga_put_text(o, "/stage", i && r->stage == v->row[i - 1].stage
-                      ? "" : saga_verify_stage[r->stage]);
+        saga_put_text(o, "/stage",
+                      i && r->stage == v->row[i - 1].stage
+                          ? ""
+                          : saga_verify_stage[r->stage]);
         saga_put_text(o, "name", r->name);
         saga_put_text(o, "unit", r->unit);
         saga_put_real(o, "step", r->step);
         saga_put(o, "alone", error_of(&r->alone, r->step));
         saga_put(o, "chain", error_of(&r->chain, r->step));
-        saga_put_int(o, "/n", (json_int_t)(r->chain.n ? r->chain.n
-                                                      : r->alone.n));
+        saga_put_int(o, "/n",
+                     (json_int_t)(r->chain.n ? r->chain.n : r->alone.n));
         saga_put_item(list, o);
     }
     return list;
@@ -123,8 +125,8 @@ static json_t *report_of(const session *s)
     saga_put_int(o, "/n_samples", 3 * (json_int_t)v->n_pixels);
     saga_put(o, "rows", rows_of(v));
     /* The row for everything in double, from the first stage. */
-    saga_put(o, "/all", json_incref(json_object_get(pictures,
-                                                    saga_verify_stage[0])));
+    saga_put(o, "/all",
+             json_incref(json_object_get(pictures, saga_verify_stage[0])));
     saga_put(o, "pictures_from", pictures);
     return o;
 }
@@ -132,16 +134,19 @@ static json_t *report_of(const session *s)
 /* --- As text ------------------------------------------------------------- */
 
 /* Four columns of a row; a dash stands for an unknown value. */
-#define ERROR(of) \
-    { "/n&" of ".n", "rows", " {" of ".max:%8.2g} {" of ".rms:%8.2g}" }, \
-    { "/n&!" of ".n", "rows", "        -        -" }, \
-    { "/n&!" of "./many_steps", "rows", " {" of "./steps:%6.2f}" }, \
-    { "/n&" of "./many_steps", "rows", " {" of "./many_steps:%6.0f}" }, \
-    { "/n&" of ".n", "rows", " {" of ".psnr:%6.1f}" }, \
-    { "/n&!" of ".n", "rows", "      -" }
+#define ERROR(of)                                                           \
+    { "/n&" of ".n", "rows", " {" of ".max:%8.2g} {" of ".rms:%8.2g}" },    \
+        { "/n&!" of ".n", "rows", "        -        -" },                   \
+        { "/n&!" of "./many_steps", "rows", " {" of "./steps:%6.2f}" },     \
+        { "/n&" of "./many_steps", "rows", " {" of "./many_steps:%6.0f}" }, \
+        { "/n&" of ".n", "rows", " {" of ".psnr:%6.1f}" },                  \
+    {                                                                       \
+        "/n&!" of ".n", "rows", "      -"                                   \
+    }
 
 static const saga_line text[] = {
-    { "", NULL, "{file}, camera {camera} ({number}), {width} x {height}, "
+    { "", NULL,
+      "{file}, camera {camera} ({number}), {width} x {height}, "
       "segment {segment} at {t:%.5f}: {n_coarse} coarse and {n_fine} fine "
       "anchors, {n_primitives} primitives, {n_splats} splats\n\n"
       "                                                one stage in float64"
@@ -152,13 +157,16 @@ static const saga_line text[] = {
     ERROR("alone"),
     ERROR("chain"),
     { "/n", "rows", " {/n:%8d}\n" },
-    { "", NULL, "\nthe picture compared with float64 from a stage on, rounded "
+    { "", NULL,
+      "\nthe picture compared with float64 from a stage on, rounded "
       "to 8 bits, and not rounded\nfrom           PSNR  levels    PSNR  "
       "levels  RMS before   cut, %  stopped otherwise, %\n" },
-    { "", "pictures_from", "{@:%-10s} {psnr:%8.2f} {max:%7d} "
+    { "", "pictures_from",
+      "{@:%-10s} {psnr:%8.2f} {max:%7d} "
       "{psnr_real:%7.2f} {max_real:%7.2f} {rms:%11.4f} {/cut*100:%8.4f} "
       "{/stop*100:%21.4f}\n" },
-    { "", NULL, "\nall in float64: {/all.n_cut} of {/n_pixels} pixels cut "
+    { "", NULL,
+      "\nall in float64: {/all.n_cut} of {/n_pixels} pixels cut "
       "otherwise, {/all.n_stop} stopped otherwise,\nthe rest has "
       "{/all.psnr_same:%.2f} dB and {/all.max_same} level{/all.max_same+s}; "
       "only one of the two draws {n_splats_otherwise} splats\n"
@@ -176,8 +184,8 @@ static bool choose_view(session *s)
     const options *const o = s->o;
     saga_verify_view *const view = &s->view;
 
-    if (!saga_film_rig(&s->film, (uint32_t)o->camera, &view->camera,
-                       &s->number, &s->error))
+    if (!saga_film_rig(&s->film, (uint32_t)o->camera, &view->camera, &s->number,
+                       &s->error))
         return false;
     if (o->size.a)
         saga_camera_resize(&view->camera, o->size.a, o->size.b);
@@ -194,7 +202,7 @@ static bool choose_view(session *s)
 
 static int verify(session *s, const saga_bytes *bytes)
 {
-    const saga_telling how = { s->o->json, 8, s->name };
+    const saga_print_style how = { s->o->json, 8, s->name };
     saga_meter meter = { .quiet = s->o->quiet };
     int status = SAGA_EXIT_DATA;
     bool ok;
@@ -208,14 +216,14 @@ static int verify(session *s, const saga_bytes *bytes)
                           &s->view, &s->error);
     saga_meter_end(&meter);
     if (ok)
-        status = saga_cli_tell(report_of(s), &how, SAGA_LINES(text));
+        status = saga_cli_print_report(report_of(s), &how, SAGA_LINES(text));
     else
         saga_cli_error(status, "verify: %s", s->error.message);
     saga_film_close(&s->film);
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_verify(int argc, char **argv)
 {
     options o = { .frame = { 0, 1 } };
     session s = { .o = &o };
@@ -232,22 +240,27 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--camera", "N", "number of a camera of the file (default 0); `saga "
-      "info`\nlists them", saga_cli_int, offsetof(options, camera), 0,
-      65535 },
-    { "--frame", "N[/D]", "time of the picture in frames (default 0): 15/2 is"
-      "\nhalf-way between frames 7 and 8", saga_cli_fraction,
-      offsetof(options, frame), 0, INT32_MAX },
-    { "--size", "WxH", "size of the picture (default: the camera's). "
-      "Everything\nthat the camera sees stays in the picture", saga_cli_size,
-      offsetof(options, size), 1, SAGA_MAX_SIDE },
+    { "--camera", "N",
+      "number of a camera of the file (default 0); `saga "
+      "info`\nlists them",
+      saga_cli_int, offsetof(options, camera), 0, 65535 },
+    { "--frame", "N[/D]",
+      "time of the picture in frames (default 0): 15/2 is"
+      "\nhalf-way between frames 7 and 8",
+      saga_cli_fraction, offsetof(options, frame), 0, INT32_MAX },
+    { "--size", "WxH",
+      "size of the picture (default: the camera's). "
+      "Everything\nthat the camera sees stays in the picture",
+      saga_cli_size, offsetof(options, size), 1, SAGA_MAX_SIDE },
     { "--json", NULL, "print the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_verify = {
-    "verify", "FILE", 1,
+    "verify",
+    "FILE",
+    1,
     "measures how exact the integer decoder is",
     "Decodes one segment and one picture twice: with the integer decoder, and\n"
     "in double precision with the same formulas and without rounding. For\n"
@@ -260,5 +273,8 @@ const saga_command saga_command_verify = {
     "below 1/256, and what lies behind the last 8/65536 of the light.\n"
     "\n"
     "  saga verify scene.saga --camera 2 --frame 15\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_verify,
+    NULL
 };

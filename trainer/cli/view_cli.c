@@ -25,10 +25,10 @@
 #include <string.h>
 
 enum {
-    USUAL_PORT = 8470,       /* used if it is free */
+    USUAL_PORT = 8470, /* used if it is free */
     USUAL_SECONDS = 30,
-    MAX_PICTURES = 4,        /* number of pictures whose CRC is given to the
-                              * page */
+    MAX_PICTURES = 4, /* number of pictures whose CRC is given to the
+                       * page */
     /* Of a picture that the page draws in the camera's size; as viewer.js. */
     MAX_PIXELS = 1 << 25,
     MAX_SIDE = 8192
@@ -38,18 +38,18 @@ enum {
 static const char placeholder[] = "{ \"src\": null, \"pictures\": [] }";
 
 typedef struct {
-    int port;                /* 0: not given */
-    int seconds;             /* limit for decoding a segment */
+    int port;    /* 0: not given */
+    int seconds; /* limit for decoding a segment */
 } options;
 
 /* Everything that is served. */
 typedef struct {
     saga_http http;
-    saga_http_file *file;    /* (n_files): the program's files, then the
-                              * user's */
+    saga_http_file *file; /* (n_files): the program's files, then the
+                           * user's */
     int n_files;
-    char *path;              /* path of the user's file */
-    char *index;             /* index.html with the page's data */
+    char *path;  /* path of the user's file */
+    char *index; /* index.html with the page's data */
     saga_bytes bytes;
     saga_error error;
 } session;
@@ -124,8 +124,9 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
         }
         if (ok && !is_large) {
             snprintf(crc, sizeof crc, "%08" PRIx32, saga_crc32c(0, rgb, n));
-            json_array_append_new(list, json_pack(
-                "{s:i, s:i, s:s}", "camera", (int)i, "frame", 0, "crc", crc));
+            json_array_append_new(list,
+                                  json_pack("{s:i, s:i, s:s}", "camera", (int)i,
+                                            "frame", 0, "crc", crc));
         }
         free(rgb);
     }
@@ -144,8 +145,7 @@ static char *describe(session *s, const options *opt, const char *name)
     list = json_array();
     o = json_object();
     /* Drawing the pictures also checks that the file can be decoded in time. */
-    ok = saga_film_open_within(&film, name, &s->bytes, opt->seconds,
-                               &s->error);
+    ok = saga_film_open_within(&film, name, &s->bytes, opt->seconds, &s->error);
     ok = ok && add_pictures(list, &film, &s->error);
     saga_film_close(&film);
     /* The data has the file's address, the CRCs and the limit for decoding. */
@@ -167,10 +167,11 @@ static char *describe(session *s, const options *opt, const char *name)
 
 static const char *type_of(const char *name)
 {
-    static const char *const types[][2] = {
-        { ".html", "text/html; charset=utf-8" }, { ".css", "text/css" },
-        { ".js", "text/javascript" }, { ".wasm", "application/wasm" }
-    };
+    static const char *const types[][2] = { { ".html",
+                                              "text/html; charset=utf-8" },
+                                            { ".css", "text/css" },
+                                            { ".js", "text/javascript" },
+                                            { ".wasm", "application/wasm" } };
 
     for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
         if (saga_has_suffix(name, types[i][0]))
@@ -202,10 +203,10 @@ static bool fill_in(session *s, const char *text)
     memcpy(s->index, start, at);
     memcpy(s->index + at, text, n);
     memcpy(s->index + at + n, start + at + gap, page->nbytes - at - gap);
-    s->file[0] = (saga_http_file){
-        .path = "", .type = type_of(page->name),
-        .bytes = (const uint8_t *)s->index,
-        .nbytes = page->nbytes - gap + n };
+    s->file[0] = (saga_http_file){ .path = "",
+                                   .type = type_of(page->name),
+                                   .bytes = (const uint8_t *)s->index,
+                                   .nbytes = page->nbytes - gap + n };
     return true;
 }
 
@@ -222,11 +223,12 @@ static bool list_files(session *s, const char *text)
     for (int i = 0; i < saga_n_view_files; i++) {
         const saga_view_file *const f = &saga_view_files[i];
 
-        s->file[i + 1] = (saga_http_file){ f->name, type_of(f->name),
-                                           f->bytes, f->nbytes };
+        s->file[i + 1] = (saga_http_file){ f->name, type_of(f->name), f->bytes,
+                                           f->nbytes };
     }
     s->file[s->n_files - 1] = (saga_http_file){
-        s->path, "application/octet-stream", s->bytes.data, s->bytes.nbytes };
+        s->path, "application/octet-stream", s->bytes.data, s->bytes.nbytes
+    };
     s->http.file = s->file;
     s->http.n_files = s->n_files;
     return true;
@@ -283,14 +285,14 @@ static int view(session *s, const options *o, const char *name)
     int status = SAGA_EXIT_DATA;
 
     if (!find_file("saga.wasm"))
-        return saga_cli_error(SAGA_EXIT_USAGE, "view: this program was built "
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "view: this program was built "
                               "without the decoder for browsers; install clang "
                               "and lld, then `make` again");
     if (!saga_read_file(&s->bytes, name, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "view: %s", s->error.message);
     s->path = path_of(name, &s->error);
-    text = s->path && unfold(s, name) ? describe(s, o, name)
-                                          : NULL;
+    text = s->path && unfold(s, name) ? describe(s, o, name) : NULL;
     if (text && list_files(s, text))
         status = serve(s, o->port);
     free(text);
@@ -299,7 +301,7 @@ static int view(session *s, const options *o, const char *name)
     return status;
 }
 
-static int run(int argc, char **argv)
+static int run_view(int argc, char **argv)
 {
     options o = { .seconds = USUAL_SECONDS };
     session s = { .http.listener = -1 };
@@ -317,15 +319,19 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--port", "N", "port of the server (default: 8470, or another that is\n"
-      "free)", saga_cli_int, offsetof(options, port), 1, 65535 },
+    { "--port", "N",
+      "port of the server (default: 8470, or another that is\n"
+      "free)",
+      saga_cli_int, offsetof(options, port), 1, 65535 },
     { "--seconds", "N",
-      "give up if decoding a segment takes longer (default: 30)",
-      saga_cli_int, offsetof(options, seconds), 1, 1000000 }
+      "give up if decoding a segment takes longer (default: 30)", saga_cli_int,
+      offsetof(options, seconds), 1, 1000000 }
 };
 
 const saga_command saga_command_view = {
-    "view", "FILE", 1,
+    "view",
+    "FILE",
+    1,
     "plays a file in the browser, from any side",
     "Shows a .saga file in a page, where the browser decodes it to the same\n"
     "pixels. The command prints the page's address, which only this machine\n"
@@ -338,5 +344,8 @@ const saga_command saga_command_view = {
     "there: all finished segments, and the segment in training as soon as its\n"
     "rendering stage has begun. The training may continue meanwhile. While a\n"
     "base is trained there is nothing to show.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    option_list,
+    (int)(sizeof option_list / sizeof option_list[0]),
+    run_view,
+    NULL
 };

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 typedef struct saga_view_file {
-    const char *name;        /* file name without a folder */
+    const char *name; /* file name without a folder */
     const uint8_t *bytes;
     size_t nbytes;
 } saga_view_file;

@@ -16,15 +16,15 @@
 #include <unistd.h>
 
 enum {
-    MAX_CLIENTS = 32,        /* browsers open about six, and keep spare
-                              * connections */
+    MAX_CLIENTS = 32, /* browsers open about six, and keep spare
+                       * connections */
     REQUEST_NBYTES = 8192,
-    HEAD_NBYTES = 512,       /* size of an answer's head */
-    PATIENCE_MS = 500,       /* longest time until *stop is read again */
-    SEND_MS = 10000,         /* time until a browser that receives nothing is
-                              * dropped */
-    LEAVE_MS = 2000          /* time until a browser that keeps sending is
-                              * dropped */
+    HEAD_NBYTES = 512, /* size of an answer's head */
+    PATIENCE_MS = 500, /* longest time until *stop is read again */
+    SEND_MS = 10000,   /* time until a browser that receives nothing is
+                        * dropped */
+    LEAVE_MS = 2000    /* time until a browser that keeps sending is
+                        * dropped */
 };
 
 /* A client asks, gets its answer, and is then read from until it closes the
@@ -33,14 +33,14 @@ enum {
 typedef enum { ASKING, ANSWERED, LEAVING } client_state;
 
 typedef struct {
-    int fd;                  /* -1: no client */
+    int fd; /* -1: no client */
     client_state state;
-    int64_t since;           /* milliseconds: time of its last action */
-    size_t n;                /* bytes received of the request */
+    int64_t since; /* milliseconds: time of its last action */
+    size_t n;      /* bytes received of the request */
     char request[REQUEST_NBYTES + 1];
-    char head[HEAD_NBYTES];  /* head of the answer */
+    char head[HEAD_NBYTES]; /* head of the answer */
     size_t n_head, n_body, sent;
-    const uint8_t *body;     /* (n_body) */
+    const uint8_t *body; /* (n_body) */
 } client;
 
 /* --- Answers ------------------------------------------------------------- */
@@ -59,7 +59,8 @@ static void refuse(client *c, const char *status)
     const int n = snprintf(c->head, sizeof c->head,
                            "HTTP/1.1 %s\r\nContent-Type: text/plain\r\n"
                            "Content-Length: %zu\r\n%sConnection: close\r\n"
-                           "\r\n%s%s", status, strlen(status) + 1,
+                           "\r\n%s%s",
+                           status, strlen(status) + 1,
                            strncmp(status, "405", 3) ? ""
                                                      : "Allow: GET, HEAD\r\n",
                            body ? status : "", body ? "\n" : "");
@@ -82,8 +83,9 @@ static void give(client *c, const saga_http_file *file, size_t first,
                  "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\n"
                  "%sAccept-Ranges: bytes\r\nCache-Control: no-store\r\n"
                  "X-Content-Type-Options: nosniff\r\nConnection: close\r\n"
-                 "\r\n", end ? "206 Partial Content" : "200 OK", file->type,
-                 nbytes, range);
+                 "\r\n",
+                 end ? "206 Partial Content" : "200 OK", file->type, nbytes,
+                 range);
     c->n_head = (size_t)n;
     c->body = file->bytes + first;
     c->n_body = is_method(c, "HEAD") ? 0 : nbytes;
@@ -150,7 +152,7 @@ static range_kind parse_range(size_t *first, size_t *end, const char *p,
         last = last ? SIZE_MAX : 0;
     }
     *end = last < nbytes ? last + 1 : nbytes;
-    return *first < nbytes && *end > *first ? RANGE_PART : RANGE_OUTSIDE;
+    return *first<nbytes && * end> * first ? RANGE_PART : RANGE_OUTSIDE;
 }
 
 static const saga_http_file *find_file(const saga_http *http, const char *path,
@@ -181,8 +183,7 @@ static bool is_host_ours(const saga_http *http, const char *request)
         if (n < m || strncasecmp(host, names[i], m) != 0)
             continue;
         if (n == m ? http->port == 80
-                   : n - m == strlen(port) &&
-                     !strncmp(host + m, port, n - m))
+                   : n - m == strlen(port) && !strncmp(host + m, port, n - m))
             return true;
     }
     return false;
@@ -220,9 +221,15 @@ static void answer(const saga_http *http, client *c)
     /* Only GET has ranges (RFC 9110, 14.2). */
     range = is_method(c, "GET") ? header(c->request, "Range") : NULL;
     switch (parse_range(&first, &end, range, file->nbytes)) {
-    case RANGE_NONE: give(c, file, 0, 0); break;
-    case RANGE_PART: give(c, file, first, end); break;
-    case RANGE_OUTSIDE: refuse(c, "416 Range Not Satisfiable"); break;
+    case RANGE_NONE:
+        give(c, file, 0, 0);
+        break;
+    case RANGE_PART:
+        give(c, file, first, end);
+        break;
+    case RANGE_OUTSIDE:
+        refuse(c, "416 Range Not Satisfiable");
+        break;
     }
 }
 
@@ -242,7 +249,7 @@ static void hang_up(client *c)
 
 /* Gives a connection a free place, or the place of the client that was inactive
  * longest. */
-static void greet(client *clients, int fd)
+static void accept_client(client *clients, int fd)
 {
     client *c = clients;
 
@@ -311,12 +318,12 @@ static void send_more(client *c)
 }
 
 /* Discards what the client still sends, until it closes the connection. */
-static void see_off(client *c)
+static void close_client(client *c)
 {
     const ssize_t n = recv(c->fd, c->request, REQUEST_NBYTES, MSG_DONTWAIT);
 
-    if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN &&
-                   errno != EWOULDBLOCK))
+    if (n == 0 ||
+        (n < 0 && errno != EINTR && errno != EAGAIN && errno != EWOULDBLOCK))
         hang_up(c);
 }
 
@@ -327,9 +334,9 @@ static void serve_client(const saga_http *http, client *c, bool ready)
     else if (ready && c->state == ANSWERED)
         send_more(c);
     else if (ready)
-        see_off(c);
+        close_client(c);
     /* A client that has not asked yet may wait, because browsers keep spare
-     * connections; greet() reuses the oldest place if all are taken. */
+     * connections; accept_client() reuses the oldest place if all are taken. */
     if (c->fd >= 0 && c->state != ASKING &&
         now_ms() - c->since > (c->state == ANSWERED ? SEND_MS : LEAVE_MS))
         hang_up(c);
@@ -343,10 +350,10 @@ static void turn(const saga_http *http, client *clients)
     int n;
 
     for (int i = 0; i < MAX_CLIENTS; i++)
-        look[i] = (struct pollfd){
-            .fd = clients[i].fd,
-            .events = clients[i].state == ANSWERED ? POLLOUT : POLLIN
-        };
+        look[i] = (struct pollfd){ .fd = clients[i].fd,
+                                   .events = clients[i].state == ANSWERED
+                                                 ? POLLOUT
+                                                 : POLLIN };
     look[MAX_CLIENTS] = (struct pollfd){ .fd = http->listener,
                                          .events = POLLIN };
     /* poll() skips places without a client, whose fd is -1. */
@@ -360,7 +367,7 @@ static void turn(const saga_http *http, client *clients)
         const int fd = accept(http->listener, NULL, NULL);
 
         if (fd >= 0)
-            greet(clients, fd);
+            accept_client(clients, fd);
     }
 }
 

@@ -16,8 +16,8 @@
 #include <stdint.h>
 
 typedef struct saga_http_file {
-    const char *path;        /* path in the URL, without the first / */
-    const char *type;        /* MIME type */
+    const char *path; /* path in the URL, without the first / */
+    const char *type; /* MIME type */
     const uint8_t *bytes;
     size_t nbytes;
 } saga_http_file;
@@ -25,7 +25,7 @@ typedef struct saga_http_file {
 typedef struct saga_http {
     const saga_http_file *file; /* (n_files); owned by the caller */
     int n_files;
-    int listener;            /* file descriptor */
+    int listener; /* file descriptor */
     int port;
 } saga_http;
 

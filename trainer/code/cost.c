@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define RANGE_MIN (1u << 24)     /* as in range_enc.c */
+#define RANGE_MIN (1u << 24) /* as in range_enc.c */
 
 /* --- Single symbols ------------------------------------------------------ */
 
@@ -57,8 +57,7 @@ static code code_residual(int32_t q, uint32_t scale)
     return x;
 }
 
-static code code_adaptive(const saga_adaptive *m, uint32_t n_sym,
-                          uint32_t sym)
+static code code_adaptive(const saga_adaptive *m, uint32_t n_sym, uint32_t sym)
 {
     const code x = { saga_adaptive_start(m, sym),
                      sym + 1 < n_sym ? m->start[sym] : SAGA_PROB_TOTAL, 0 };
@@ -154,24 +153,35 @@ saga_component saga_component_of(uint32_t sym)
     switch (sym) {
     case SAGA_SYM_SPLIT:
     case SAGA_SYM_OCCUPANCY:
-    case SAGA_SYM_N_FINE: return SAGA_COMPONENT_TREE;
-    case SAGA_SYM_CENTRE: return SAGA_COMPONENT_CENTRE;
-    case SAGA_SYM_FEATURE: return SAGA_COMPONENT_FEATURE;
-    case SAGA_SYM_FINE_SUFFIX: return SAGA_COMPONENT_FINE_SUFFIX;
-    case SAGA_SYM_FINE_OFFSET: return SAGA_COMPONENT_FINE_OFFSET;
-    case SAGA_SYM_N_PRIM: return SAGA_COMPONENT_N_PRIM;
-    case SAGA_SYM_PRIM_SUFFIX: return SAGA_COMPONENT_PRIM_SUFFIX;
-    case SAGA_SYM_PRIM_OFFSET: return SAGA_COMPONENT_PRIM_OFFSET;
-    default: return SAGA_COMPONENT_NETWORKS;
+    case SAGA_SYM_N_FINE:
+        return SAGA_COMPONENT_TREE;
+    case SAGA_SYM_CENTRE:
+        return SAGA_COMPONENT_CENTRE;
+    case SAGA_SYM_FEATURE:
+        return SAGA_COMPONENT_FEATURE;
+    case SAGA_SYM_FINE_SUFFIX:
+        return SAGA_COMPONENT_FINE_SUFFIX;
+    case SAGA_SYM_FINE_OFFSET:
+        return SAGA_COMPONENT_FINE_OFFSET;
+    case SAGA_SYM_N_PRIM:
+        return SAGA_COMPONENT_N_PRIM;
+    case SAGA_SYM_PRIM_SUFFIX:
+        return SAGA_COMPONENT_PRIM_SUFFIX;
+    case SAGA_SYM_PRIM_OFFSET:
+        return SAGA_COMPONENT_PRIM_OFFSET;
+    default:
+        return SAGA_COMPONENT_NETWORKS;
     }
 }
 
 const char *saga_component_name(saga_component c)
 {
     static const char *const names[SAGA_N_COMPONENTS] = {
-        "networks", "tree", "coarse centres", "coarse features",
-        "fine suffixes", "fine offsets", "primitive counts",
-        "primitive suffixes", "primitive offsets"
+        "networks",         "tree",
+        "coarse centres",   "coarse features",
+        "fine suffixes",    "fine offsets",
+        "primitive counts", "primitive suffixes",
+        "primitive offsets"
     };
 
     return names[c];
@@ -180,9 +190,11 @@ const char *saga_component_name(saga_component c)
 const char *saga_component_key(saga_component c)
 {
     static const char *const keys[SAGA_N_COMPONENTS] = {
-        "networks", "tree", "coarse_centres", "coarse_features",
-        "fine_suffixes", "fine_offsets", "primitive_counts",
-        "primitive_suffixes", "primitive_offsets"
+        "networks",         "tree",
+        "coarse_centres",   "coarse_features",
+        "fine_suffixes",    "fine_offsets",
+        "primitive_counts", "primitive_suffixes",
+        "primitive_offsets"
     };
 
     return keys[c];

@@ -23,14 +23,14 @@
 /* --- The coder ----------------------------------------------------------- */
 
 typedef struct saga_cost {
-    saga_coder coder;            /* must be first: the traversal gets its
-                                  * address */
+    saga_coder coder; /* must be first: the traversal gets its
+                       * address */
     saga_coder *inner;
-    double bits[SAGA_N_SYMS];    /* code length, by SAGA_SYM_* */
-    double spent[SAGA_N_SYMS];   /* log2 of the reduction of the range, plus
-                                  * plain bits */
+    double bits[SAGA_N_SYMS];     /* code length, by SAGA_SYM_* */
+    double spent[SAGA_N_SYMS];    /* log2 of the reduction of the range, plus
+                                   * plain bits */
     double net_bits[SAGA_N_NETS]; /* code length of each network */
-    uint32_t range;              /* as in the range coder, >= 2^24 */
+    uint32_t range;               /* as in the range coder, >= 2^24 */
 } saga_cost;
 
 /* Starts to count at zero what `inner` codes from the beginning of a chunk.
@@ -52,8 +52,8 @@ enum { SAGA_COST_SIGMA_Q = 10 };
 /* The parts that reports distinguish, in the order of the stream. */
 typedef enum saga_component {
     SAGA_COMPONENT_NETWORKS,
-    SAGA_COMPONENT_TREE,         /* splits, occupancy, numbers of fine
-                                  * anchors */
+    SAGA_COMPONENT_TREE, /* splits, occupancy, numbers of fine
+                          * anchors */
     SAGA_COMPONENT_CENTRE,
     SAGA_COMPONENT_FEATURE,
     SAGA_COMPONENT_FINE_SUFFIX,

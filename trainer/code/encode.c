@@ -13,8 +13,8 @@
 #include <string.h>
 
 /* Copies the arguments and allocates the networks. */
-static bool begin(saga_encoder *e, const saga_header *header,
-                  const saga_rig_camera *rig, saga_error *error)
+static bool begin_file(saga_encoder *e, const saga_header *header,
+                       const saga_rig_camera *rig, saga_error *error)
 {
     e->header = *header;
     /* The encoder sets these fields when base and segments are added. */
@@ -36,8 +36,7 @@ static bool begin(saga_encoder *e, const saga_header *header,
 
 saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_rig_camera *rig,
-                                const saga_net_symbols *nets,
-                                saga_error *error)
+                                const saga_net_symbols *nets, saga_error *error)
 {
     saga_encoder *e;
 
@@ -51,7 +50,7 @@ saga_encoder *saga_encoder_open(const saga_header *header,
     e = saga_calloc(1, sizeof *e, PURPOSE, error);
     if (!e)
         return NULL;
-    if (!begin(e, header, rig, error) ||
+    if (!begin_file(e, header, rig, error) ||
         !saga_encode_networks(e, nets, error)) {
         saga_encoder_free(e);
         return NULL;
@@ -163,12 +162,12 @@ static void add_to_maxima(saga_header *h, const saga_segment_header *seg)
 /* Sets the header's maxima and the index for a complete segment. place is at
  * most the number of segments. */
 static bool end_segment(saga_encoder *e, uint32_t place,
-                        const saga_segment_header *seg,
-                        saga_index_entry entry, saga_error *error)
+                        const saga_segment_header *seg, saga_index_entry entry,
+                        saga_error *error)
 {
     saga_header *const h = &e->header;
-    saga_index_entry *const index = saga_realloc(
-        e->index, h->n_segments + 1u, sizeof *index, PURPOSE, error);
+    saga_index_entry *const index = saga_realloc(e->index, h->n_segments + 1u,
+                                                 sizeof *index, PURPOSE, error);
 
     if (!index)
         return false;
@@ -208,9 +207,8 @@ static bool encode_layers(saga_encoder *e, saga_segment_header *seg,
     return true;
 }
 
-bool saga_encoder_insert(saga_encoder *e, uint32_t place,
-                         const saga_symbols *s, uint32_t n_frames,
-                         saga_error *error)
+bool saga_encoder_insert(saga_encoder *e, uint32_t place, const saga_symbols *s,
+                         uint32_t n_frames, saga_error *error)
 {
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
@@ -289,8 +287,9 @@ static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
      * theirs. */
     uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
                       e->header.nets_nbytes + e->base.n + e->aside.n;
-    saga_io io = { NULL, saga_buffer_reserve(out, SAGA_CHUNK_NBYTES + nbytes,
-                                             error), SAGA_CHUNK_NBYTES };
+    saga_io io = { NULL,
+                   saga_buffer_reserve(out, SAGA_CHUNK_NBYTES + nbytes, error),
+                   SAGA_CHUNK_NBYTES };
     uint32_t i;
 
     if (!io.out)
@@ -394,10 +393,9 @@ static bool probe(const saga_buffer *out, saga_error *error)
     saga_info info;
     const saga_status s = saga_probe(&info, out->p, out->n);
 
-    return s == SAGA_OK ||
-           saga_fail(error, NULL, "report it",
-                     "a decoder would refuse the file: %s",
-                     saga_status_text(s));
+    return s == SAGA_OK || saga_fail(error, NULL, "report it",
+                                     "a decoder would refuse the file: %s",
+                                     saga_status_text(s));
 }
 
 bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,

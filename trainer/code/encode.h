@@ -23,13 +23,13 @@ typedef struct saga_encoder saga_encoder;
  * byte, and sometimes one byte more. */
 typedef struct saga_encode_sizes {
     size_t header, index, networks;
-    size_t base;                 /* payloads of the base's chunks */
-    size_t coarse, fine, prim;   /* payloads, summed over all segments */
+    size_t base;                    /* payloads of the base's chunks */
+    size_t coarse, fine, prim;      /* payloads, summed over all segments */
     size_t layers[SAGA_MAX_LAYERS]; /* chunks of each layer in all segments;
                                      * only set if there are several layers */
     size_t total;
-    double bits[SAGA_N_SYMS];    /* code lengths, summed over all segments */
-    double spent[SAGA_N_SYMS];   /* bits that the range coder spends for them */
+    double bits[SAGA_N_SYMS];  /* code lengths, summed over all segments */
+    double spent[SAGA_N_SYMS]; /* bits that the range coder spends for them */
 } saga_encode_sizes;
 
 /* Begins a file. header must have all fields except header_nbytes, n_segments,
@@ -76,9 +76,8 @@ bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
 
 /* Inserts a segment like saga_encoder_segment before the one that has the index
  * `place` in time. If place is the number of segments, it is appended. */
-bool saga_encoder_insert(saga_encoder *e, uint32_t place,
-                         const saga_symbols *s, uint32_t n_frames,
-                         saga_error *error);
+bool saga_encoder_insert(saga_encoder *e, uint32_t place, const saga_symbols *s,
+                         uint32_t n_frames, saga_error *error);
 
 /* Makes the file of the present segments. More segments may be added
  * afterwards, for another file. The caller frees *bytes. Returns false with

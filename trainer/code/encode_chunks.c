@@ -18,14 +18,14 @@
 /* --- The coder: looks symbols up and encodes them ------------------------ */
 
 typedef struct {
-    saga_coder coder;            /* must be first: the coder's functions cast
-                                  * back to source */
+    saga_coder coder; /* must be first: the coder's functions cast
+                       * back to source */
     saga_range_enc range;
     const saga_symbols *s;
     const saga_net_symbols *nets;
     const saga_nets *shapes;
     uint32_t features;
-    uint32_t n_nodes;            /* nodes of the tree asked for so far */
+    uint32_t n_nodes; /* nodes of the tree asked for so far */
 } source;
 
 static const saga_layer_symbols *layer_of(const source *e, saga_at at)
@@ -120,8 +120,7 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
         sym = 0;
     }
     saga_range_enc_interval(&e->range, saga_adaptive_start(m, sym),
-                            sym + 1 < n_sym ? m->start[sym]
-                                            : SAGA_PROB_TOTAL);
+                            sym + 1 < n_sym ? m->start[sym] : SAGA_PROB_TOTAL);
     saga_adaptive_update(m, n_sym, sym);
     return sym;
 }
@@ -130,11 +129,11 @@ static uint32_t field_of(const source *e, saga_at at)
 {
     const saga_layer_symbols *const l = layer_of(e, at);
 
-    return at.sym == SAGA_SYM_NET_STEP ? l->step_q16
-         : at.sym == SAGA_SYM_NET_STEP_SHIFT ? l->step_shift
-         : at.sym == SAGA_SYM_NET_BIAS_SHIFT ? l->bias_shift
-         : at.sym == SAGA_SYM_NET_WEIGHT_SCALE ? l->weight_scale
-         : l->bias_scale;
+    return at.sym == SAGA_SYM_NET_STEP           ? l->step_q16
+           : at.sym == SAGA_SYM_NET_STEP_SHIFT   ? l->step_shift
+           : at.sym == SAGA_SYM_NET_BIAS_SHIFT   ? l->bias_shift
+           : at.sym == SAGA_SYM_NET_WEIGHT_SCALE ? l->weight_scale
+                                                 : l->bias_scale;
 }
 
 static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
@@ -192,8 +191,7 @@ static void source_init(source *src, const saga_encoder *e)
  * the coders: the traversal drives the cost counter, which drives the encoder.
  * The caller sets the symbols of src. */
 static bool begin_chunk(source *src, saga_cost *cost, saga_buffer *to,
-                        size_t bound, const saga_encoder *e,
-                        saga_error *error)
+                        size_t bound, const saga_encoder *e, saga_error *error)
 {
     uint8_t *const p = saga_buffer_reserve(to, SAGA_CHUNK_NBYTES + bound,
                                            error);
@@ -234,7 +232,7 @@ static size_t networks_bound(const saga_nets *nets)
 }
 
 bool saga_encode_networks(saga_encoder *e, const saga_net_symbols *nets,
-                            saga_error *error)
+                          saga_error *error)
 {
     source src;
     saga_cost cost;
@@ -274,15 +272,14 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->coarse_feature = saga_calloc(n.coarse, feature, what, error);
     sc->fine = saga_calloc(n.fine, sizeof *sc->fine, what, error);
     sc->fine_feature = saga_calloc(n.fine, feature, what, error);
-    sc->prim_offset = saga_calloc(n.prim, sizeof *sc->prim_offset, what,
-                                  error);
+    sc->prim_offset = saga_calloc(n.prim, sizeof *sc->prim_offset, what, error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
     /* The bank is laid out twice: first to find its size, and then in the
      * memory. */
     saga_bank_size(&sc->bank, model);
-    memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL),
-                                what, error);
+    memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL), what,
+                                error);
     saga_bank_lay(&sc->bank, memory);
     /* *error tells whether any of these allocations has failed. */
     if (!saga_failed(error))
@@ -327,12 +324,11 @@ static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
 
 /* Appends a chunk and sets *size to the bytes of its payload. */
 static bool ensaga_syntax_part(saga_encoder *e, saga_buffer *to, size_t *size,
-                         const saga_scaffold *sc, const saga_symbols *s,
-                         int part, saga_error *error)
+                               const saga_scaffold *sc, const saga_symbols *s,
+                               int part, saga_error *error)
 {
-    static const uint32_t type[3] = {
-        SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
-    };
+    static const uint32_t type[3] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+                                      SAGA_CHUNK_PRIM };
     source src;
     saga_cost cost;
     size_t n = 0;
@@ -355,7 +351,7 @@ static bool ensaga_syntax_part(saga_encoder *e, saga_buffer *to, size_t *size,
 }
 
 bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
-                            const saga_symbols *s, saga_error *error)
+                          const saga_symbols *s, saga_error *error)
 {
     saga_scaffold sc;
     bool ok = symbols_are_clean(s, &e->header.model) ||

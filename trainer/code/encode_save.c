@@ -18,7 +18,7 @@ static void walk_block(uint8_t **p, size_t n, saga_checkpoint *c,
      * damaged. */
     if (c->reading && !c->failed)
         *p = n > saga_left(&c->rest) ? NULL
-           : saga_aligned_alloc(16, n, what, error);
+                                     : saga_aligned_alloc(16, n, what, error);
     c->failed = c->failed || !*p;
     if (!c->failed)
         saga_checkpoint_walk(c, *p, n);

@@ -17,15 +17,15 @@ struct saga_encoder {
     saga_header header;
     saga_rig_camera *rig;
     saga_nets nets;
-    uint8_t *params;             /* dequantised networks */
-    saga_buffer networks;        /* chunk as it will be in the file */
-    saga_buffer base;            /* chunks of the base; empty: there is none */
-    saga_buffer aside;           /* chunks of names and exposures, each of which
-                                  * may be absent */
-    saga_buffer segments;        /* chunks of the segments, in the order in
-                                  * which they were made */
-    saga_index_entry *index;     /* index in order of time, with offsets into
-                                  * `segments` */
+    uint8_t *params;         /* dequantised networks */
+    saga_buffer networks;    /* chunk as it will be in the file */
+    saga_buffer base;        /* chunks of the base; empty: there is none */
+    saga_buffer aside;       /* chunks of names and exposures, each of which
+                              * may be absent */
+    saga_buffer segments;    /* chunks of the segments, in the order in
+                              * which they were made */
+    saga_index_entry *index; /* index in order of time, with offsets into
+                              * `segments` */
     saga_encode_sizes sizes;
 };
 

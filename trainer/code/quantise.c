@@ -14,12 +14,12 @@
 /* --- The closed loop ----------------------------------------------------- */
 
 typedef struct {
-    saga_coder coder;            /* must be first: the coder's functions cast
-                                  * back to loop */
+    saga_coder coder; /* must be first: the coder's functions cast
+                       * back to loop */
     saga_symbols *s;
     const saga_scaffold *sc;
     const saga_targets *t;
-    double *prim_o;              /* (prim, 4) wanted offsets, in supports */
+    double *prim_o; /* (prim, 4) wanted offsets, in supports */
     const uint32_t *order;
 } loop;
 
@@ -41,35 +41,34 @@ static double cell_offset(const saga_position *cell, const double *x,
 static double target_of(const loop *l, saga_at at, uint32_t i)
 {
     const saga_model *const m = l->sc->model;
-    const int16_t *const value =
-        l->t->value ? l->t->value[saga_step_of(at.sym)] : NULL;
+    const int16_t *const value = l->t->value ? l->t->value[saga_step_of(at.sym)]
+                                             : NULL;
     saga_position cell;
 
     if (value)
         return at.sym == SAGA_SYM_FEATURE
-            ? value[(size_t)at.index * m->features + i]
-            : value[4 * (size_t)at.index + i];
+                   ? value[(size_t)at.index * m->features + i]
+                   : value[4 * (size_t)at.index + i];
     /* Positions are offsets in Q14: 16384 is a half-size or a support. */
     switch (at.sym) {
     case SAGA_SYM_CENTRE:
         saga_position_cell(&cell, &l->sc->coarse[at.index]);
-        return 16384 * cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index,
-                                   i);
+        return 16384 *
+               cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index, i);
     case SAGA_SYM_FEATURE:
         return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
                      m->out_q[SAGA_OUT_COARSE]);
     case SAGA_SYM_FINE_OFFSET:
         saga_position_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
-        return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
-                                    i) -
-                        saga_suffix_centre(
-                            l->s->fine_suffix[at.index],
-                            m->tier[SAGA_TIER_COARSE].suffix_bits, i));
+        return 16384 *
+               (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index, i) -
+                saga_suffix_centre(l->s->fine_suffix[at.index],
+                                   m->tier[SAGA_TIER_COARSE].suffix_bits, i));
     default:
-        return 16384 * (l->prim_o[4 * (size_t)l->order[at.index] + i] -
-                        saga_suffix_centre(
-                            l->s->prim_suffix[at.index],
-                            m->tier[SAGA_TIER_FINE].suffix_bits, i));
+        return 16384 *
+               (l->prim_o[4 * (size_t)l->order[at.index] + i] -
+                saga_suffix_centre(l->s->prim_suffix[at.index],
+                                   m->tier[SAGA_TIER_FINE].suffix_bits, i));
     }
 }
 
@@ -77,20 +76,19 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
                      uint32_t step_q16, const uint8_t *scale, uint32_t n)
 {
     const loop *const l = (const loop *)(const void *)c;
-    int32_t *const keep = saga_look_up_block(l->s, at,
-                                             l->sc->model->features);
+    int32_t *const keep = saga_look_up_block(l->s, at, l->sc->model->features);
     uint32_t i;
 
     (void)scale;
     for (i = 0; i < n; i++) {
         /* y = mu + q step with the decoder's mu, so rounding errors do not
          * accumulate. Values out of range are clamped. */
-        const double x = floor((target_of(l, at, i) - mu[i]) * 65536 /
-                               step_q16 + 0.5);
+        const double x = floor(
+            (target_of(l, at, i) - mu[i]) * 65536 / step_q16 + 0.5);
 
-        q[i] = keep[i] = x < -SAGA_MAX_RESIDUAL ? -SAGA_MAX_RESIDUAL
-                       : x > SAGA_MAX_RESIDUAL ? SAGA_MAX_RESIDUAL
-                       : (int32_t)x;
+        q[i] = keep[i] = x < -SAGA_MAX_RESIDUAL  ? -SAGA_MAX_RESIDUAL
+                         : x > SAGA_MAX_RESIDUAL ? SAGA_MAX_RESIDUAL
+                                                 : (int32_t)x;
     }
 }
 
@@ -140,9 +138,10 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 
             for (axis = 0; axis < 4; axis++)
                 o[axis] = l->t->prim_o
-                    ? (double)l->t->prim_o[4 * (size_t)k + axis]
-                    : local(l->t->prim_x[4 * (size_t)k + axis],
-                            axis < 3 ? f->x[axis] : f->t, f->support[axis]);
+                              ? (double)l->t->prim_o[4 * (size_t)k + axis]
+                              : local(l->t->prim_x[4 * (size_t)k + axis],
+                                      axis < 3 ? f->x[axis] : f->t,
+                                      f->support[axis]);
             /* Offsets are clamped already, so one at the limit counts as beyond
              * it. */
             for (axis = 0; axis < 3; axis++)
@@ -183,7 +182,7 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
                    sc->coarse[i].t);
     for (i = 0; i < sc->n.coarse * m->features; i++)
         d->feature[i] = (real)ldexp(sc->coarse_feature[i],
-                                     -m->out_q[SAGA_OUT_COARSE]);
+                                    -m->out_q[SAGA_OUT_COARSE]);
     /* Fine anchors are next, each with its primitives, which are offsets from
      * it. */
     for (i = 0; i < sc->n.fine; i++) {
@@ -198,7 +197,8 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
     }
 }
 
-static bool run(loop *l, uint32_t *order, saga_quantise_report *report)
+static bool quantise_in_order(loop *l, uint32_t *order,
+                              saga_quantise_report *report)
 {
     saga_syntax_begin(l->sc);
     if (!saga_syntax_coarse(l->sc, &l->coder) ||
@@ -225,8 +225,9 @@ bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
     l.prim_o = saga_alloc(4 * (size_t)s->n.prim, sizeof *l.prim_o,
                           "offsets of the primitives", error);
     if (l.prim_o)
-        ok = run(&l, decoded ? decoded->order : NULL, report) ||
-             saga_fail(error, NULL, "try another --seed, and report this "
+        ok = quantise_in_order(&l, decoded ? decoded->order : NULL, report) ||
+             saga_fail(error, NULL,
+                       "try another --seed, and report this "
                        "error",
                        "the values of the scene cannot be quantised");
     if (ok && decoded && decoded->coarse_x)

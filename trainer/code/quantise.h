@@ -29,13 +29,13 @@ typedef struct saga_layer_values {
     const real *weight, *bias;
     uint32_t n_in, n_out;
     int q_in;
-    const uint8_t *q_out;        /* (n_out) */
-    const uint8_t *finer;        /* (n_finer) */
+    const uint8_t *q_out; /* (n_out) */
+    const uint8_t *finer; /* (n_finer) */
     uint32_t n_finer;
-    real step, bias_step;        /* wanted steps of weights and of biases; the
-                                  * latter is a power of two */
+    real step, bias_step; /* wanted steps of weights and of biases; the
+                           * latter is a power of two */
     int int8;
-    int net, layer;              /* numbers, for errors */
+    int net, layer; /* numbers, for errors */
 } saga_layer_values;
 
 /* Sets the symbols of a layer of a network. It allocates their arrays, which
@@ -101,8 +101,8 @@ typedef struct saga_decoded {
 } saga_decoded;
 
 typedef struct saga_quantise_report {
-    uint32_t n_clamped;          /* primitives beyond +-2 supports of their
-                                  * anchor; 0 with targets->value */
+    uint32_t n_clamped; /* primitives beyond +-2 supports of their
+                         * anchor; 0 with targets->value */
 } saga_quantise_report;
 
 /* Sets the symbols s of a segment, with the networks of e. On entry the counts,

@@ -48,8 +48,8 @@ static int set_row(saga_layer_symbols *out, const saga_layer_values *v,
      * value of one q. The sum has the Q format of input times weight, e + q_in,
      * and so has the bias, apart from bias_shift. */
     const double step = ldexp(out->step_q16, -out->step_shift - e);
-    double bias = floor(ldexp((double)v->bias[row],
-                              e + v->q_in - out->bias_shift) + 0.5);
+    double bias = floor(
+        ldexp((double)v->bias[row], e + v->q_in - out->bias_shift) + 0.5);
     const size_t at = (size_t)row * v->n_in;
     const int32_t limit = v->int8 ? 127 : 32767;
     int64_t sum = 0;
@@ -81,9 +81,8 @@ static int set_row(saga_layer_symbols *out, const saga_layer_values *v,
         out->weight[at + k] = (int32_t)q;
         sum += w;
     }
-    return saga_mlp_row_is_valid(sum, (int64_t)bias *
-                                 ((int64_t)1 << out->bias_shift),
-                                 out->shift[row]);
+    return saga_mlp_row_is_valid(
+        sum, (int64_t)bias * ((int64_t)1 << out->bias_shift), out->shift[row]);
 }
 
 /* Returns the exponent nearest to the wanted one at which the row's shift, q_in
@@ -116,18 +115,17 @@ static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
     int size;
 
     /* Shifting by 16 - size gives step_q16 its full 16 bits. */
-    frexp(step, &size);                      /* step < 2^size */
+    frexp(step, &size); /* step < 2^size */
     out->step_shift = (uint8_t)fx_clamp(16 - size, 0, 31);
-    out->step_q16 = (uint32_t)fmin(fmax(floor(ldexp(step, out->step_shift) +
-                                              0.5), 1), 65535);
+    out->step_q16 = (uint32_t)fmin(
+        fmax(floor(ldexp(step, out->step_shift) + 0.5), 1), 65535);
     out->bias_shift = (uint8_t)fx_clamp(
         ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
 }
 
 /* Sets all rows at the scale 2^e, or the nearest that their shifts allow.
  * Returns 0 if a row is not valid. */
-static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
-                     int e)
+static int try_layer(saga_layer_symbols *out, const saga_layer_values *v, int e)
 {
     uint32_t row;
 
@@ -157,8 +155,8 @@ static bool force_layer(saga_layer_symbols *out, const saga_layer_values *v,
                 return saga_fail(error, NULL,
                                  "try another --seed, and report this error",
                                  "row %u of layer %d of network %d is too "
-                                 "large to be coded", (unsigned)row, v->layer,
-                                 v->net);
+                                 "large to be coded",
+                                 (unsigned)row, v->layer, v->net);
     }
     return true;
 }
@@ -238,8 +236,9 @@ typedef struct {
 static layer_scales drop_from(uint8_t scale, uint32_t mode,
                               const scale_bits *line, uint32_t n)
 {
-    layer_scales s = { (double)SAGA_QUANTISE_LINE_BITS * n, (uint8_t)mode,
-                       scale, { 0 } };
+    layer_scales s = {
+        (double)SAGA_QUANTISE_LINE_BITS * n, (uint8_t)mode, scale, { 0 }
+    };
     uint32_t i;
     uint8_t d;
 
@@ -247,8 +246,7 @@ static layer_scales drop_from(uint8_t scale, uint32_t mode,
         const double *const at = line[i].at;
 
         for (d = 1; d < SAGA_N_DROPS && d * SAGA_DROP <= scale; d++)
-            if (at[scale - d * SAGA_DROP] <
-                at[scale - s.drop[i] * SAGA_DROP])
+            if (at[scale - d * SAGA_DROP] < at[scale - s.drop[i] * SAGA_DROP])
                 s.drop[i] = d;
         s.bits += at[scale - s.drop[i] * SAGA_DROP];
     }
@@ -257,8 +255,8 @@ static layer_scales drop_from(uint8_t scale, uint32_t mode,
 
 /* Replaces *best if a scale for each line takes fewer bits. The layer's scale
  * is within one drop of the highest. */
-static void try_lines(layer_scales *best, uint32_t mode,
-                      const scale_bits *line, uint32_t n)
+static void try_lines(layer_scales *best, uint32_t mode, const scale_bits *line,
+                      uint32_t n)
 {
     int top = 0, scale;
     uint32_t i;
@@ -290,8 +288,8 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
             /* A residual counts for its row and for its column. */
-            const scale_bits one =
-                remembered_bits(&small, q[(size_t)i * columns + k]);
+            const scale_bits one = remembered_bits(&small,
+                                                   q[(size_t)i * columns + k]);
 
             add_bits(&row[i], &one);
             add_bits(&column[k], &one);
@@ -307,8 +305,8 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
     return true;
 }
 
-static bool set_scales(saga_layer_symbols *out, uint32_t rows,
-                       uint32_t columns, saga_error *error)
+static bool set_scales(saga_layer_symbols *out, uint32_t rows, uint32_t columns,
+                       saga_error *error)
 {
     layer_scales s;
     uint32_t n;
@@ -354,8 +352,8 @@ bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
     const int unit = (int)ceil(-log2((double)v->step));
     int e = fx_min(unit + 15, most_exponent(v));
 
-    out->weight = saga_calloc((size_t)v->n_in * v->n_out,
-                              sizeof *out->weight, out_of_what, error);
+    out->weight = saga_calloc((size_t)v->n_in * v->n_out, sizeof *out->weight,
+                              out_of_what, error);
     out->bias = saga_calloc(v->n_out, sizeof *out->bias, out_of_what, error);
     out->shift = saga_calloc(v->n_out, 1, out_of_what, error);
     if (!out->weight || !out->bias || !out->shift)

@@ -11,15 +11,15 @@
 
 typedef struct saga_range_enc {
     uint8_t *p;
-    size_t cap, n;           /* bytes written; n > cap: the buffer was too
-                              * small */
-    uint64_t low;            /* below 2^33; bit 32 is the carry */
+    size_t cap, n; /* bytes written; n > cap: the buffer was too
+                    * small */
+    uint64_t low;  /* below 2^33; bit 32 is the carry */
     uint32_t range;
-    uint64_t pending;        /* number of 0xff bytes that a carry may still
-                              * change */
-    uint8_t cache;           /* the byte before the pending ones */
-    int started;             /* 0 before the first byte, which is always 0 and
-                              * not written */
+    uint64_t pending; /* number of 0xff bytes that a carry may still
+                       * change */
+    uint8_t cache;    /* the byte before the pending ones */
+    int started;      /* 0 before the first byte, which is always 0 and
+                       * not written */
 } saga_range_enc;
 
 void saga_range_enc_init(saga_range_enc *e, uint8_t *p, size_t cap);

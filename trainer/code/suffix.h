@@ -14,8 +14,9 @@
 
 static inline double saga_clamp_offset(double o)
 {
-    return o < -SAGA_OFFSET_MAX ? -SAGA_OFFSET_MAX
-         : o > SAGA_OFFSET_MAX ? SAGA_OFFSET_MAX : o;
+    return o < -SAGA_OFFSET_MAX  ? -SAGA_OFFSET_MAX
+           : o > SAGA_OFFSET_MAX ? SAGA_OFFSET_MAX
+                                 : o;
 }
 
 /* Return the suffix of an offset, given in supports of the parent: its cell in

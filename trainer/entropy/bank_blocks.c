@@ -19,8 +19,10 @@ static real *values_of(const saga_bank_twin_input *in,
     const size_t f = in->s->model.features;
     const int kind = in->kind;
     real *const from = kind == SAGA_KIND_PRIM ? x->fine
-        : kind == SAGA_KIND_FINE ? is_token ? x->offset : x->coarse
-        : is_token ? x->coarse : NULL;
+                       : kind == SAGA_KIND_FINE
+                           ? is_token ? x->offset : x->coarse
+                       : is_token ? x->coarse
+                                  : NULL;
 
     *n = kind == SAGA_KIND_FINE && is_token ? SAGA_RATE_OFFSETS : f;
     if (kind == SAGA_KIND_FINE && !is_token)
@@ -34,7 +36,7 @@ static void anchor_phase(real phase[4], const saga_bank_twin_input *in,
 {
     saga_scene_phase(phase, (in->kind == SAGA_KIND_COARSE ? in->s->coarse_x
                                                           : in->s->fine_x) +
-                            4 * block);
+                                4 * block);
 }
 
 static void fill_row(real *row, const saga_bank_twin_input *in, int net,
@@ -53,7 +55,7 @@ static void fill_row(real *row, const saga_bank_twin_input *in, int net,
         anchor_phase(anchor, in, block);
         phase = anchor;
     }
-    to = saga_rate_tell(row, m, phase, in->size + SAGA_RATE_SIZES * block);
+    to = saga_rate_inputs(row, m, phase, in->size + SAGA_RATE_SIZES * block);
     *to++ = R(in->kind - 1);
     /* Queries of coarse anchors have no values, and the token of a fine anchor
      * has fewer than F; the rest of the row is 0. */
@@ -91,9 +93,11 @@ void saga_bank_blocks_run(saga_twin_batch *b, const saga_bank_twin_input *in,
     const size_t n_out = (size_t)f->dim[f->n_layers];
     job j = { .b = b, .in = in, .net = net, .from = first, .to = end };
 
-    saga_parallel(&(saga_tasks){
-        .run = fill_part, .user = &j, .n = saga_n_parts(end - first, PART),
-        .ns = (double)FILL_NS * (double)(end - first) });
+    saga_parallel(
+        &(saga_tasks){ .run = fill_part,
+                       .user = &j,
+                       .n = saga_n_parts(end - first, PART),
+                       .ns = (double)FILL_NS * (double)(end - first) });
     saga_net_forward(b->out + first * n_out, &b->work, b->in + first * n_in,
                      end - first, f);
     saga_rate_clamp(b->out + first * n_out, (end - first) * n_out,

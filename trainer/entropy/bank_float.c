@@ -19,11 +19,10 @@ enum { CHUNK = 128 };
 bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
                            saga_error *error)
 {
-    saga_bank bank = { .n_slots = (uint32_t)n_slots,
-                         .width = (uint32_t)width };
+    saga_bank bank = { .n_slots = (uint32_t)n_slots, .width = (uint32_t)width };
     const size_t stride = saga_mlp_pad(bank.width);
-    uint8_t *const block = saga_aligned_alloc(
-        16, saga_bank_lay(&bank, NULL), "the memory bank", error);
+    uint8_t *const block = saga_aligned_alloc(16, saga_bank_lay(&bank, NULL),
+                                              "the memory bank", error);
     size_t p, i;
 
     if (!block)
@@ -46,8 +45,8 @@ saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
                                    size_t width, real *scratch)
 {
     real *const weight = scratch + n_slots * width;
-    const saga_bank_float b = { n_slots, width, state, scratch, weight,
-                               weight + CHUNK * n_slots };
+    const saga_bank_float b = { n_slots, width,  state,
+                                scratch, weight, weight + CHUNK * n_slots };
     size_t p, i;
 
     for (p = 0; p < n_slots; p++)
@@ -129,7 +128,7 @@ static void softmax_backward(real *d, const real *weight, size_t n)
         sum = vec_fma(vec_load(d + i), vec_load(weight + i), sum);
     for (dot = vec_sum(sum), i = 0; i < n; i += VEC_LANES)
         vec_store(d + i, vec_set1(LN2) * vec_load(weight + i) *
-                         (vec_load(d + i) - vec_set1(dot)));
+                             (vec_load(d + i) - vec_set1(dot)));
 }
 
 void saga_bank_float_read_backward(real *d_query, real *d_state,

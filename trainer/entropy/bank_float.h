@@ -18,10 +18,10 @@
 /* A state of the bank, prepared for reading in the scratch memory of a
  * thread. */
 typedef struct saga_bank_float {
-    size_t n_slots, width;       /* L, D */
-    const real *state;           /* (L, D) */
-    real *columns;               /* (D, L) the transposed state */
-    real *weight, *d_weight;     /* (queries of a chunk, L) */
+    size_t n_slots, width;   /* L, D */
+    const real *state;       /* (L, D) */
+    real *columns;           /* (D, L) the transposed state */
+    real *weight, *d_weight; /* (queries of a chunk, L) */
 } saga_bank_float;
 
 #define saga_bank_float_start SAGA_REAL_NAME(saga_bank_float_start)

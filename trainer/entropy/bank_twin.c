@@ -48,8 +48,7 @@ static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
 }
 
 /* Allocates the memory that the networks' passes need. */
-static bool reserve(saga_bank_twin *m, const saga_scene *s,
-                    saga_error *error)
+static bool reserve(saga_bank_twin *m, const saga_scene *s, saga_error *error)
 {
     const saga_net *const net = s->net;
     int kind;
@@ -76,10 +75,10 @@ static bool reserve(saga_bank_twin *m, const saga_scene *s,
     /* Each thread needs scratch for the operators; slots are embedded once. */
     m->n_threads = saga_n_threads();
     m->scratch = saga_alloc(m->n_threads *
-                            saga_bank_float_scratch(m->n_slots, m->width),
+                                saga_bank_float_scratch(m->n_slots, m->width),
                             sizeof *m->scratch, purpose, error);
-    return m->scratch && saga_net_reserve(
-        &m->slot.work, &net[SAGA_NET_SLOT], m->n_slots, error);
+    return m->scratch && saga_net_reserve(&m->slot.work, &net[SAGA_NET_SLOT],
+                                          m->n_slots, error);
 }
 
 bool saga_bank_twin_init(saga_bank_twin *m, const saga_scene *s,
@@ -131,7 +130,7 @@ typedef struct {
     saga_bank_twin *m;
     const saga_bank_twin_input *in;
     int reads;
-    size_t from, to;             /* rounds */
+    size_t from, to; /* rounds */
 } job;
 
 /* Returns the bank in the state that a run reads. All primitives read the last
@@ -141,10 +140,10 @@ static saga_bank_float bank_of(const saga_bank_twin *m,
 {
     const size_t state = in->first + (in->kind == SAGA_KIND_PRIM ? 0 : run);
 
-    return saga_bank_float_of(m->state + state * m->n_slots * m->width,
-                              m->n_slots, m->width, m->scratch +
-                              saga_thread_number() *
-                              saga_bank_float_scratch(m->n_slots, m->width));
+    return saga_bank_float_of(
+        m->state + state * m->n_slots * m->width, m->n_slots, m->width,
+        m->scratch + saga_thread_number() *
+                         saga_bank_float_scratch(m->n_slots, m->width));
 }
 
 /* Calls `run` for rounds from..to-1. `times` is the cost relative to a read. */
@@ -152,10 +151,13 @@ static void do_runs(void (*run)(void *, size_t), job *j, int times)
 {
     const uint32_t *const begin = j->in->runs->begin;
 
-    saga_parallel(&(saga_tasks){
-        .run = run, .user = j, .n = j->to - j->from, .most = j->m->n_threads,
-        .ns = (double)READ_NS * times * (double)j->m->n_slots *
-              (double)(begin[j->to] - begin[j->from]) });
+    saga_parallel(
+        &(saga_tasks){ .run = run,
+                       .user = j,
+                       .n = j->to - j->from,
+                       .most = j->m->n_threads,
+                       .ns = (double)READ_NS * times * (double)j->m->n_slots *
+                             (double)(begin[j->to] - begin[j->from]) });
 }
 
 static void read_run(void *user, size_t nth)
@@ -173,14 +175,13 @@ static void read_run(void *user, size_t nth)
                          in->runs->begin[run + 1] - begin);
 }
 
-void saga_bank_twin_read(saga_bank_twin *m,
-                         const saga_bank_twin_input *in, size_t from,
-                         size_t to)
+void saga_bank_twin_read(saga_bank_twin *m, const saga_bank_twin_input *in,
+                         size_t from, size_t to)
 {
     job j = { .m = m, .in = in, .from = from, .to = to };
 
     saga_bank_blocks_run(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
-               in->runs->begin[from], in->runs->begin[to]);
+                         in->runs->begin[from], in->runs->begin[to]);
     do_runs(read_run, &j, 1);
 }
 
@@ -199,11 +200,10 @@ static void read_run_backward(void *user, size_t run)
      * runs, on different threads, may read the same state. They are added in
      * order later. */
     memset(k->d_state + run * n, 0, n * sizeof *k->d_state);
-    saga_bank_float_read_backward(k->query.d_out + begin * d,
-                                  k->d_state + run * n, &b,
-                                  k->d_read + begin * d,
-                                  k->query.out + begin * d,
-                                  in->runs->begin[run + 1] - begin);
+    saga_bank_float_read_backward(
+        k->query.d_out + begin * d, k->d_state + run * n, &b,
+        k->d_read + begin * d, k->query.out + begin * d,
+        in->runs->begin[run + 1] - begin);
 }
 
 /* --- Writes -------------------------------------------------------------- */
@@ -214,9 +214,8 @@ static int is_plain(const saga_scene *s)
 }
 
 /* Sets the inputs of WRITE_BASE, the mean token of each run. */
-static void take_means(saga_bank_twin_kind *k,
-                       const saga_bank_twin_input *in, size_t width,
-                       size_t from, size_t to)
+static void take_means(saga_bank_twin_kind *k, const saga_bank_twin_input *in,
+                       size_t width, size_t from, size_t to)
 {
     size_t run, at, i;
 
@@ -312,8 +311,8 @@ static void update_slot(void *user, size_t p)
          * alone. The states are kept for the backward pass. */
         real *const s = m->state + (j->in->first + run) * slots * d + p * d;
 
-        saga_bank_float_update(s + slots * d, s, k->write.out +
-                               (run * slots + p) * (d + 1), d,
+        saga_bank_float_update(s + slots * d, s,
+                               k->write.out + (run * slots + p) * (d + 1), d,
                                is_plain(j->in->s));
     }
 }
@@ -323,14 +322,15 @@ static void do_slots(void (*run)(void *, size_t), job *j, size_t n_runs)
 {
     const size_t n = j->m->n_slots;
 
-    saga_parallel(&(saga_tasks){
-        .run = run, .user = j, .n = n,
-        .ns = (double)SLOT_NS * (double)n * (double)n_runs });
+    saga_parallel(
+        &(saga_tasks){ .run = run,
+                       .user = j,
+                       .n = n,
+                       .ns = (double)SLOT_NS * (double)n * (double)n_runs });
 }
 
-void saga_bank_twin_write(saga_bank_twin *m,
-                          const saga_bank_twin_input *in, size_t from,
-                          size_t to)
+void saga_bank_twin_write(saga_bank_twin *m, const saga_bank_twin_input *in,
+                          size_t from, size_t to)
 {
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     job j = { .m = m, .in = in, .from = from, .to = to };
@@ -338,7 +338,7 @@ void saga_bank_twin_write(saga_bank_twin *m,
     /* All networks run first, for all rounds, because they do not read the
      * slots. Only the updates depend on the previous round. */
     saga_bank_blocks_run(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
-               in->runs->begin[to]);
+                         in->runs->begin[to]);
     run_write(m, in, from, to);
     do_slots(update_slot, &j, to - from);
 }
@@ -437,8 +437,8 @@ static void means_backward(saga_bank_twin_kind *k,
 
         for (at = begin; at < end; at++)
             for (i = 0; i < width; i++)
-                k->token.d_out[at * width + i] =
-                    k->base.d_in[run * width + i] / R(end - begin);
+                k->token.d_out[at * width + i] = k->base.d_in[run * width + i] /
+                                                 R(end - begin);
     }
 }
 
@@ -459,8 +459,8 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
     saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE], &k->write.work,
                       k->write.d_out, k->write.in, rows, &net[SAGA_NET_WRITE]);
     add_own_backward(m, k, in->s, in->runs->n);
-    saga_net_backward(k->base.d_in, &d->net[SAGA_NET_WRITE_BASE],
-                      &k->base.work, k->base.d_out, k->base.in, in->runs->n,
+    saga_net_backward(k->base.d_in, &d->net[SAGA_NET_WRITE_BASE], &k->base.work,
+                      k->base.d_out, k->base.in, in->runs->n,
                       &net[SAGA_NET_WRITE_BASE]);
     means_backward(k, in, m->width);
     saga_bank_blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
@@ -504,13 +504,12 @@ void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,
         write_backward(m, d, dx, in, reads);
 }
 
-void saga_bank_twin_end(saga_bank_twin *m, saga_scene *d,
-                        const saga_scene *s)
+void saga_bank_twin_end(saga_bank_twin *m, saga_scene *d, const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_SLOT];
 
-    saga_rate_through(m->slot.d_out, m->slot.out, m->n_slots *
-                      (size_t)net->dim[net->n_layers],
+    saga_rate_through(m->slot.d_out, m->slot.out,
+                      m->n_slots * (size_t)net->dim[net->n_layers],
                       s->model.q_in[SAGA_NET_WRITE]);
     saga_net_backward(NULL, &d->net[SAGA_NET_SLOT], &m->slot.work,
                       m->slot.d_out, m->slot.in, m->n_slots, net);

@@ -34,26 +34,26 @@
 #include "twin.h"
 
 typedef struct saga_bank_twin_kind {
-    saga_twin_batch query;       /* (blocks) in the order of the runs */
-    saga_twin_batch token;       /* (blocks) in the order of the runs */
-    saga_twin_batch base;        /* (runs) its inputs are the means */
-    saga_twin_batch write;       /* (runs L) its inputs are h */
-    real *d_state;               /* (runs, L, D) gradients of the state that
-                                  * each run read */
-    real *read, *d_read;         /* (blocks, D) in the order of the runs */
+    saga_twin_batch query; /* (blocks) in the order of the runs */
+    saga_twin_batch token; /* (blocks) in the order of the runs */
+    saga_twin_batch base;  /* (runs) its inputs are the means */
+    saga_twin_batch write; /* (runs L) its inputs are h */
+    real *d_state;         /* (runs, L, D) gradients of the state that
+                            * each run read */
+    real *read, *d_read;   /* (blocks, D) in the order of the runs */
 } saga_bank_twin_kind;
 
 typedef struct saga_bank_twin {
-    size_t n_slots, width;       /* L, D; 0: there is no bank */
+    size_t n_slots, width; /* L, D; 0: there is no bank */
     saga_bank_twin_kind kind[SAGA_N_KINDS];
-    saga_twin_batch slot;        /* (L) inputs: unit vectors; outputs: a vector
-                                  * for each slot */
-    real *state;                 /* (all runs + 1, L, D) the states between the
-                                  * runs */
-    real *d_last;                /* (L, D) gradient of the last state */
-    real *block;                 /* the memory of all arrays above */
-    real *scratch;               /* scratch of all threads */
-    size_t n_threads;            /* number of threads that have scratch */
+    saga_twin_batch slot; /* (L) inputs: unit vectors; outputs: a vector
+                           * for each slot */
+    real *state;          /* (all runs + 1, L, D) the states between the
+                           * runs */
+    real *d_last;         /* (L, D) gradient of the last state */
+    real *block;          /* the memory of all arrays above */
+    real *scratch;        /* scratch of all threads */
+    size_t n_threads;     /* number of threads that have scratch */
 } saga_bank_twin;
 
 /* The blocks of one kind. */
@@ -61,11 +61,11 @@ typedef struct saga_bank_twin_input {
     const saga_scene *s;
     int kind;
     const saga_rate_runs *runs;
-    size_t first;                /* number of runs of the kinds before */
-    const real *phase, *size;    /* (blocks, 4) and (blocks, 5): see
-                                  * saga_rate_tell */
-    saga_rate_features x;        /* queries read the values of parents, tokens
-                                  * those of the block */
+    size_t first;             /* number of runs of the kinds before */
+    const real *phase, *size; /* (blocks, 4) and (blocks, 5): see
+                               * saga_rate_inputs */
+    saga_rate_features x;     /* queries read the values of parents, tokens
+                               * those of the block */
 } saga_bank_twin_input;
 
 #define saga_bank_twin_init SAGA_REAL_NAME(saga_bank_twin_init)
@@ -89,15 +89,13 @@ void saga_bank_twin_begin(saga_bank_twin *m, const saga_scene *s);
 
 /* Writes runs from .. to - 1 of a tier into the bank. The state before the
  * first of them must be set. */
-void saga_bank_twin_write(saga_bank_twin *m,
-                          const saga_bank_twin_input *in, size_t from,
-                          size_t to);
+void saga_bank_twin_write(saga_bank_twin *m, const saga_bank_twin_input *in,
+                          size_t from, size_t to);
 
 /* Reads the bank for the blocks of runs from .. to - 1, whose states must be
  * set. */
-void saga_bank_twin_read(saga_bank_twin *m,
-                         const saga_bank_twin_input *in, size_t from,
-                         size_t to);
+void saga_bank_twin_read(saga_bank_twin *m, const saga_bank_twin_input *in,
+                         size_t from, size_t to);
 
 /* Goes back through all runs of a kind. With reads = 1 the kind has read the
  * bank, and d_read of all its blocks is set; a tier that wrote goes back
@@ -108,7 +106,6 @@ void saga_bank_twin_clear(saga_bank_twin *m, const saga_scene *s);
 void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,
                              const saga_rate_features *dx,
                              const saga_bank_twin_input *in, int reads);
-void saga_bank_twin_end(saga_bank_twin *m, saga_scene *d,
-                        const saga_scene *s);
+void saga_bank_twin_end(saga_bank_twin *m, saga_scene *d, const saga_scene *s);
 
 #endif

@@ -96,8 +96,8 @@ static void snap_fine(saga_scene *s)
                                                : saga_scene_half_t(c));
             const double q = rint((o[k] - cell) / step);
 
-            x[k] = R((double)centre[k] + half *
-                     (cell + fmin(fmax(q, -most), most) * step));
+            x[k] = R((double)centre[k] +
+                     half * (cell + fmin(fmax(q, -most), most) * step));
         }
     }
 }

@@ -23,7 +23,7 @@
 
 typedef struct saga_rate_cost {
     double bits;
-    double d_v, d_log2_sigma;    /* its derivatives */
+    double d_v, d_log2_sigma; /* its derivatives */
 } saga_rate_cost;
 
 /* Returns the cost and its derivatives for any finite v and for log2_sigma

@@ -7,8 +7,8 @@
 
 /* --- Inputs -------------------------------------------------------------- */
 
-real *saga_rate_tell(real *row, const saga_model *m, const real phase[4],
-                     const real size[SAGA_RATE_SIZES])
+real *saga_rate_inputs(real *row, const saga_model *m, const real phase[4],
+                       const real size[SAGA_RATE_SIZES])
 {
     real *const sizes = row + saga_pe_size(m);
 

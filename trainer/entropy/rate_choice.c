@@ -137,13 +137,13 @@ static bool weights_bits(double *bits, const saga_net *net,
     int l;
 
     *bits = plan->raw && net->n_layers
-        ? SAGA_RAW_BITS * (double)saga_net_n_params(net) : 0;
+                ? SAGA_RAW_BITS * (double)saga_net_n_params(net)
+                : 0;
     for (l = 0; !plan->raw && l < net->n_layers; l++) {
         double layer;
 
         if (!saga_quantise_bits(&layer, net->w[l], (size_t)net->dim[l + 1],
-                                (size_t)net->dim[l], plan->step[number],
-                                error))
+                                (size_t)net->dim[l], plan->step[number], error))
             return false;
         *bits += layer + LAYER_BITS + ROW_BITS * net->dim[l + 1];
     }
@@ -156,16 +156,16 @@ typedef struct {
     saga_rate *r;
     saga_scene *s;
     const saga_rate_input *x;
-    real *feature;              /* (coarse, F) decoded with all sources */
-    real *scratch;              /* (coarse, F) decoded with the sources of a
-                                 * trial */
-    real *params;               /* the networks of a trial */
-    real *mean[SAGA_N_KINDS];   /* mean of each input of the networks */
-    double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* bits of residuals, by
-                                                    * subset of sources */
+    real *feature;            /* (coarse, F) decoded with all sources */
+    real *scratch;            /* (coarse, F) decoded with the sources of a
+                               * trial */
+    real *params;             /* the networks of a trial */
+    real *mean[SAGA_N_KINDS]; /* mean of each input of the networks */
+    double bits[SAGA_N_KINDS][ALL_SOURCES + 1]; /* bits of residuals, by
+                                                 * subset of sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
-    double hyper, bank;         /* bits of the weights of the hyperprior's
-                                 * network, and of the bank's networks */
+    double hyper, bank; /* bits of the weights of the hyperprior's
+                         * network, and of the bank's networks */
     saga_error *error;
 } search;
 
@@ -283,8 +283,8 @@ static void fold(search *f, int kind, uint32_t keep, real sign)
     uint32_t source;
 
     for (source = 1; source <= had; source <<= 1) {
-        const size_t end = at + (had & source ? saga_rate_columns(m, source)
-                                              : 0);
+        const size_t end = at +
+                           (had & source ? saga_rate_columns(m, source) : 0);
 
         for (row = 0; !(keep & source) && row < (size_t)net->dim[1]; row++)
             for (c = at; c < end; c++)
@@ -351,9 +351,9 @@ static uint32_t best_subset(const search *f, int kind, uint32_t without)
     uint32_t subset, best = 0;
 
     for (subset = 0; subset <= ALL_SOURCES; subset++)
-        if (!(subset & not) &&
+        if (!(subset & not ) &&
             f->bits[kind][subset] + f->weights[kind][subset] <
-            f->bits[kind][best] + f->weights[kind][best])
+                f->bits[kind][best] + f->weights[kind][best])
             best = subset;
     return best;
 }
@@ -380,12 +380,10 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
 /* Chooses the best sources, with and without hyperprior and memory bank. */
 static void choose(uint8_t best[SAGA_N_KINDS], search *f)
 {
-    static const uint32_t without[] = {
-        0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK
-    };
-    double least[2] = { HUGE_VAL, HUGE_VAL };  /* least costs with and without a
-                                                * bank */
+    static const uint32_t without[] = { 0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
+                                        SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK };
+    double least[2] = { HUGE_VAL, HUGE_VAL }; /* least costs with and without a
+                                               * bank */
     uint8_t sources[SAGA_N_KINDS];
     size_t i;
 
@@ -481,8 +479,7 @@ bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
         return false;
     c->rate = r;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
-        sources[kind] = (uint8_t)saga_rate_sources(&r->context, x->scene,
-                                                   kind);
+        sources[kind] = (uint8_t)saga_rate_sources(&r->context, x->scene, kind);
     c->scene = reduced(&rounded, c->params, sources);
     return true;
 }

@@ -28,13 +28,13 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
 
 /* The scene as it is packed, and the outputs of its entropy networks. */
 typedef struct saga_rate_choice {
-    saga_scene scene;            /* the trained scene; entropy networks and
-                                  * model.sources are those that were kept */
-    real *params;               /* parameters of the entropy networks that were
-                                 * kept */
-    const saga_rate *rate;       /* has the decision, the constants and the
-                                  * batches of all blocks */
-    double bits[SAGA_N_STEPS];   /* estimated code lengths of the residuals */
+    saga_scene scene;          /* the trained scene; entropy networks and
+                                * model.sources are those that were kept */
+    real *params;              /* parameters of the entropy networks that were
+                                * kept */
+    const saga_rate *rate;     /* has the decision, the constants and the
+                                * batches of all blocks */
+    double bits[SAGA_N_STEPS]; /* estimated code lengths of the residuals */
 } saga_rate_choice;
 
 /* Makes c from the scene of x and the decision of r (saga_rate_decide), without

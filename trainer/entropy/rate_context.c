@@ -108,7 +108,7 @@ static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
 }
 
 static void keep_position(saga_rate_kind *k, size_t i, const saga_position *p,
-                       uint32_t count)
+                          uint32_t count)
 {
     real log2_units[4];
     size_t a;
@@ -175,8 +175,7 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
 }
 
 void saga_rate_place_prims(saga_rate_kind *k, const saga_scene *s,
-                           const saga_twin *w, const uint32_t *block,
-                           size_t n)
+                           const saga_twin *w, const uint32_t *block, size_t n)
 {
     size_t i, a;
 
@@ -211,15 +210,17 @@ bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
 
 int saga_rate_step_of(int kind, size_t channel)
 {
-    return kind == SAGA_KIND_FINE ? SAGA_STEP_FINE
-         : kind == SAGA_KIND_PRIM ? SAGA_STEP_PRIM
-         : channel < 4 ? SAGA_STEP_CENTRE : SAGA_STEP_FEATURE;
+    return kind == SAGA_KIND_FINE   ? SAGA_STEP_FINE
+           : kind == SAGA_KIND_PRIM ? SAGA_STEP_PRIM
+           : channel < 4            ? SAGA_STEP_CENTRE
+                                    : SAGA_STEP_FEATURE;
 }
 
 int saga_rate_value_q(const saga_model *m, int kind, size_t channel)
 {
     return saga_rate_step_of(kind, channel) == SAGA_STEP_FEATURE
-        ? m->out_q[SAGA_OUT_COARSE] : 14;
+               ? m->out_q[SAGA_OUT_COARSE]
+               : 14;
 }
 
 int saga_rate_mu_q(const saga_model *m, int kind, size_t channel)
@@ -270,8 +271,7 @@ static saga_bank_twin_input bank_input(const saga_rate_context *c,
                                        const saga_rate_features *x)
 {
     const saga_rate_kind *const k = &c->kind[kind];
-    saga_bank_twin_input in = { s, kind, &k->runs, 0, k->phase, k->size,
-                                  *x };
+    saga_bank_twin_input in = { s, kind, &k->runs, 0, k->phase, k->size, *x };
     int i;
 
     /* States are in the order of coding, after those of all earlier kinds. */
@@ -286,9 +286,8 @@ void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
         saga_bank_twin_begin(&c->bank, s);
 }
 
-void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                            int kind, size_t from, size_t to,
-                            const saga_rate_features *x)
+void saga_rate_context_read(saga_rate_context *c, const saga_scene *s, int kind,
+                            size_t from, size_t to, const saga_rate_features *x)
 {
     const saga_bank_twin_input in = bank_input(c, s, kind, x);
     const uint32_t begin = in.runs->begin[from];
@@ -343,8 +342,7 @@ void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
 
         /* A tier that reads nothing may have written for later kinds. */
         if (readers >> kind)
-            saga_bank_twin_backward(&c->bank, d, dx, &in,
-                                    readers >> kind & 1u);
+            saga_bank_twin_backward(&c->bank, d, dx, &in, readers >> kind & 1u);
     }
     saga_bank_twin_end(&c->bank, d, s);
 }

@@ -40,34 +40,34 @@
 
 typedef struct saga_rate_kind {
     size_t n_blocks;
-    saga_rate_runs runs;         /* the order of coding */
-    saga_links parent, groups;   /* if the kind has such a source, by ranks of
-                                  * the scene */
-    real *phase;                 /* (blocks, 4) centres of the cells, to be
-                                  * embedded */
-    real *size;                  /* (blocks, 5) sizes of the cells; those of
-                                  * primitives are from the twin's last forward
-                                  * pass */
+    saga_rate_runs runs;       /* the order of coding */
+    saga_links parent, groups; /* if the kind has such a source, by ranks of
+                                * the scene */
+    real *phase;               /* (blocks, 4) centres of the cells, to be
+                                * embedded */
+    real *size;                /* (blocks, 5) sizes of the cells; those of
+                                * primitives are from the twin's last forward
+                                * pass */
     /* The last forward pass sets a row for each block of its list. */
     saga_twin_batch hyper, net;
-    real *mu, *d_mu;             /* (rows, channels) in the value's unit */
+    real *mu, *d_mu;                 /* (rows, channels) in the value's unit */
     real *log2_sigma, *d_log2_sigma; /* (rows, channels) of sigma in steps */
 } saga_rate_kind;
 
 typedef struct saga_rate_context {
     saga_rate_kind kind[SAGA_N_KINDS];
-    uint8_t keep[SAGA_N_KINDS];  /* SAGA_SOURCE_* bits of each kind; inputs of
-                                  * the other sources are 0 and get no
-                                  * gradients */
+    uint8_t keep[SAGA_N_KINDS]; /* SAGA_SOURCE_* bits of each kind; inputs of
+                                 * the other sources are 0 and get no
+                                 * gradients */
     saga_bank_twin bank;
-    real *scratch;               /* (blocks, F) */
-    real *block;                 /* the memory of the kinds' arrays and of
-                                  * scratch */
+    real *scratch; /* (blocks, F) */
+    real *block;   /* the memory of the kinds' arrays and of
+                    * scratch */
 } saga_rate_context;
 
 /* The blocks to evaluate, by ascending rank. */
 typedef struct saga_rate_list {
-    const uint32_t *block;       /* (n) */
+    const uint32_t *block; /* (n) */
     size_t n;
 } saga_rate_list;
 
@@ -108,8 +108,7 @@ bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
 /* Sets position and size of primitives' blocks, which are those of their fine
  * anchors in the twin's last forward pass. */
 void saga_rate_place_prims(saga_rate_kind *k, const saga_scene *s,
-                           const saga_twin *w, const uint32_t *block,
-                           size_t n);
+                           const saga_twin *w, const uint32_t *block, size_t n);
 
 /* Return the step (SAGA_STEP_*) of a channel of a kind, and the Q format of its
  * value. */
@@ -120,8 +119,7 @@ int saga_rate_value_q(const saga_model *m, int kind, size_t channel);
  * because anchors stand on multiples of their steps from 0 (saga_rate_snap). */
 static inline int saga_rate_is_anchor(int kind, size_t channel)
 {
-    return kind == SAGA_KIND_FINE ||
-           (kind == SAGA_KIND_COARSE && channel < 4);
+    return kind == SAGA_KIND_FINE || (kind == SAGA_KIND_COARSE && channel < 4);
 }
 
 /* The networks are trained for outputs mu in units of the largest power of two
@@ -164,8 +162,8 @@ uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
  * the kind reads, and write adds them once they are decoded, if the kind
  * writes. x has the decoded values. */
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
-void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                            int kind, size_t from, size_t to,
+void saga_rate_context_read(saga_rate_context *c, const saga_scene *s, int kind,
+                            size_t from, size_t to,
                             const saga_rate_features *x);
 void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
                              int kind, size_t from, size_t to,

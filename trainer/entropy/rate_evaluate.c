@@ -20,24 +20,28 @@ enum { CHUNK = SAGA_NET_CHUNK, ROW_NS = 150 };
 /* One evaluation; all chunks share it. */
 typedef struct {
     saga_rate_context *c;
-    saga_scene *d;           /* gradients, for the backward pass */
+    saga_scene *d; /* gradients, for the backward pass */
     const saga_scene *s;
     const saga_rate_features *x, *dx;
     saga_rate_kind *k;
     int kind, net;
     saga_rate_list list;
-    size_t f, dim;           /* number of features, and of the network's
-                              * inputs */
+    size_t f, dim; /* number of features, and of the network's
+                    * inputs */
 } job;
 
 static job job_of(saga_rate_context *c, const saga_scene *s, int kind,
                   saga_rate_list list)
 {
     const int net = SAGA_NET_E_COARSE + kind;
-    const job j = {
-        .c = c, .s = s, .k = &c->kind[kind], .kind = kind, .net = net,
-        .list = list, .f = s->model.features, .dim = (size_t)s->net[net].dim[0]
-    };
+    const job j = { .c = c,
+                    .s = s,
+                    .k = &c->kind[kind],
+                    .kind = kind,
+                    .net = net,
+                    .list = list,
+                    .f = s->model.features,
+                    .dim = (size_t)s->net[net].dim[0] };
 
     return j;
 }
@@ -46,18 +50,25 @@ static saga_net_pass pass_of(const job *j)
 {
     const saga_twin_batch *const b = &j->k->net;
 
-    return (saga_net_pass){
-        .net = &j->s->net[j->net], .work = &j->k->net.work, .x = b->in,
-        .y = b->out, .dy = b->d_out, .dx = b->d_in, .m = j->list.n };
+    return (saga_net_pass){ .net = &j->s->net[j->net],
+                            .work = &j->k->net.work,
+                            .x = b->in,
+                            .y = b->out,
+                            .dy = b->d_out,
+                            .dx = b->d_in,
+                            .m = j->list.n };
 }
 
 static saga_net_pass hyper_pass_of(const job *j)
 {
     const saga_twin_batch *const b = &j->k->hyper;
 
-    return (saga_net_pass){
-        .net = &j->s->net[SAGA_NET_HYPER], .work = &j->k->hyper.work,
-        .x = b->in, .y = b->out, .dy = b->d_out, .m = j->list.n };
+    return (saga_net_pass){ .net = &j->s->net[SAGA_NET_HYPER],
+                            .work = &j->k->hyper.work,
+                            .x = b->in,
+                            .y = b->out,
+                            .dy = b->d_out,
+                            .m = j->list.n };
 }
 
 static bool has_hyper(const job *j)
@@ -94,8 +105,8 @@ static void hyper_forward(const job *j, saga_range of)
     for (i = of.begin; i < of.end; i++) {
         const size_t block = j->list.block[i];
 
-        saga_rate_tell(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
-                       j->k->size + SAGA_RATE_SIZES * block);
+        saga_rate_inputs(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
+                         j->k->size + SAGA_RATE_SIZES * block);
     }
     saga_rate_clamp(b->in + of.begin * dim, n * dim,
                     j->s->model.q_in[SAGA_NET_HYPER]);
@@ -153,10 +164,11 @@ static void take_parameters(const job *j, saga_range of)
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
 
             k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
-                ? 0 : saga_clamp(unit * out[0], -most, most);
-            k->log2_sigma[i * channels + c] =
-                saga_clamp(out[channels], R(SAGA_RATE_LOG2_MIN),
-                           R(SAGA_RATE_LOG2_MAX));
+                                          ? 0
+                                          : saga_clamp(unit * out[0], -most,
+                                                       most);
+            k->log2_sigma[i * channels + c] = saga_clamp(
+                out[channels], R(SAGA_RATE_LOG2_MIN), R(SAGA_RATE_LOG2_MAX));
         }
 }
 
@@ -209,7 +221,7 @@ static void forward_chunk(void *user, size_t chunk)
      * anchors, which F_fine computes anew in every iteration. */
     if (j->kind == SAGA_KIND_PRIM)
         saga_rate_place_prims(j->k, j->s, j->x->twin, j->list.block + of.begin,
-                    of.end - of.begin);
+                              of.end - of.begin);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         /* A source that the network has but that is not kept still has its
          * columns, which are 0. */
@@ -235,7 +247,8 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
 {
     job j = job_of(c, s, kind, list);
     const saga_net_pass p = pass_of(&j), hyper = hyper_pass_of(&j);
-    saga_tasks all = { .run = forward_chunk, .user = &j,
+    saga_tasks all = { .run = forward_chunk,
+                       .user = &j,
                        .n = saga_n_parts(list.n, CHUNK) };
 
     j.x = x;
@@ -263,12 +276,13 @@ static void parameters_backward(const job *j, saga_range of)
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
             real *const d = k->net.d_out + 2 * channels * i + c;
 
-            d[0] = saga_rate_is_anchor(j->kind, c) ? 0
-                 : unit * saga_inward(k->d_mu[at], k->mu[at], -most, most);
-            d[channels] = saga_inward(k->d_log2_sigma[at],
-                                           k->log2_sigma[at],
-                                           R(SAGA_RATE_LOG2_MIN),
-                                           R(SAGA_RATE_LOG2_MAX));
+            d[0] = saga_rate_is_anchor(j->kind, c)
+                       ? 0
+                       : unit *
+                             saga_inward(k->d_mu[at], k->mu[at], -most, most);
+            d[channels] = saga_inward(k->d_log2_sigma[at], k->log2_sigma[at],
+                                      R(SAGA_RATE_LOG2_MIN),
+                                      R(SAGA_RATE_LOG2_MAX));
         }
 }
 
@@ -293,8 +307,9 @@ static const saga_links *links_of(const job *j, uint32_t source)
 {
     return source == SAGA_SOURCE_PARENT && j->kind == SAGA_KIND_FINE
                ? &j->k->parent
-         : source == SAGA_SOURCE_GROUPS && j->kind == SAGA_KIND_COARSE
-               ? &j->k->groups : NULL;
+           : source == SAGA_SOURCE_GROUPS && j->kind == SAGA_KIND_COARSE
+               ? &j->k->groups
+               : NULL;
 }
 
 static void parent_backward(const job *j, const real *d_in, saga_range of)
@@ -348,8 +363,7 @@ static void backward_block(void *user, size_t block)
     parameters_backward(j, of);
     saga_net_block_backward(&p, block);
     saga_rate_through(j->k->net.d_in + at, j->k->net.in + at,
-                      (of.end - of.begin) * j->dim,
-                      j->s->model.q_in[j->net]);
+                      (of.end - of.begin) * j->dim, j->s->model.q_in[j->net]);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         if (!(have & source))
             continue;
@@ -374,7 +388,8 @@ static void add_sums(job *j)
 {
     const saga_net *const net = &j->s->net[j->net];
     const saga_net *const hyper = &j->s->net[SAGA_NET_HYPER];
-    saga_tasks all = { .run = add_sum, .user = j,
+    saga_tasks all = { .run = add_sum,
+                       .user = j,
                        .n = saga_net_n_sums(net),
                        .ns = saga_net_sums_ns(net, j->list.n) };
 
@@ -391,7 +406,8 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                 const saga_rate_features *dx)
 {
     job j = job_of(c, s, kind, list);
-    saga_tasks all = { .run = backward_block, .user = &j,
+    saga_tasks all = { .run = backward_block,
+                       .user = &j,
                        .n = saga_net_n_blocks(list.n) };
     uint32_t source;
 

@@ -31,8 +31,8 @@ static bool alloc_all(saga_rate *r, const saga_scene *s, saga_error *error)
     r->offset = reals(SAGA_RATE_OFFSETS * fine, error);
     r->decoded = reals(SAGA_RATE_OFFSETS * fine, error);
     r->params = reals(saga_rate_n_params(s), error);
-    r->row_bits = saga_calloc(SAGA_N_STEPS * most, sizeof *r->row_bits,
-                              purpose, error);
+    r->row_bits = saga_calloc(SAGA_N_STEPS * most, sizeof *r->row_bits, purpose,
+                              error);
     r->list = saga_calloc(most, sizeof *r->list, purpose, error);
     return r->mu_feature && r->mu_offset && r->centre && r->offset &&
            r->decoded && r->params && r->row_bits && r->list;
@@ -45,8 +45,7 @@ bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error)
     memset(r, 0, sizeof *r);
     for (net = 0; net < SAGA_N_NETS; net++)
         r->decision.step[net] = ldexp(1, -SAGA_RATE_FINEST);
-    if (saga_rate_context_init(&r->context, s, error) &&
-        alloc_all(r, s, error))
+    if (saga_rate_context_init(&r->context, s, error) && alloc_all(r, s, error))
         return true;
     saga_rate_free(r);
     return false;
@@ -122,7 +121,7 @@ typedef struct {
     const saga_rate_options *o;
     int kind;
     saga_rng noise;
-    double step[SAGA_RATE_ROW];  /* step of each channel, in the value's unit */
+    double step[SAGA_RATE_ROW]; /* step of each channel, in the value's unit */
     saga_rate_list list;
 } job;
 
@@ -165,8 +164,7 @@ static void learn_value(const job *j, size_t block, size_t row, size_t c,
  * features, which are rounded before. */
 static bool is_rounded(const job *j, size_t c)
 {
-    return j->o->rounding &&
-           saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
+    return j->o->rounding && saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
 }
 
 /* Returns value i of a block, in channel c, as its distance from mu in steps,
@@ -182,7 +180,8 @@ static double steps_from_mu(const job *j, uint32_t block, size_t i, size_t c,
     if (is_rounded(j, c))
         return floor(v + 0.5);
     return saga_rate_is_anchor(j->kind, c)
-        ? v + saga_rng_double(j->noise, draw) - 0.5 : v;
+               ? v + saga_rng_double(j->noise, draw) - 0.5
+               : v;
 }
 
 /* Evaluates entry `at` of the list, and writes only to its own rows. */
@@ -204,8 +203,7 @@ static void add_block(const job *j, size_t at, uint32_t block)
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
             /* v = (y - mu) / step, whose normal distribution has mean 0. */
-            cost.v[i] = R(steps_from_mu(j, block, i, c,
-                                        y[i] - (double)mu[c]));
+            cost.v[i] = R(steps_from_mu(j, block, i, c, y[i] - (double)mu[c]));
             cost.log2_sigma[i] = k->log2_sigma[at * channels + c];
         }
     saga_rate_cost_row(&cost, i);
@@ -248,7 +246,7 @@ static void add_part(void *user, size_t part)
     for (i = of.begin; i < of.end; i++) {
         add_block(j, i, j->list.block[i]);
         saga_rate_remember_mu(j->r, m, j->kind, j->list.block[i],
-                    mu + i * saga_n_channels(m, j->kind));
+                              mu + i * saga_n_channels(m, j->kind));
     }
 }
 
@@ -256,8 +254,7 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
 {
     saga_rate *const r = j->r;
     const saga_scene *const s = j->x->scene;
-    const saga_rate_list list = every_one(r, j->kind, j->o->first,
-                                          j->o->every);
+    const saga_rate_list list = every_one(r, j->kind, j->o->first, j->o->every);
     const saga_rate_features dx = { .coarse = j->d->coarse_feature,
                                     .fine = j->x->twin->d_fine_feature };
     size_t i, c;
@@ -269,7 +266,9 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
     predict(r, j->x, j->kind, list, r->offset);
     j->list = list;
     saga_parallel(&(saga_tasks){
-        .run = add_part, .user = j, .n = saga_n_parts(list.n, PART),
+        .run = add_part,
+        .user = j,
+        .n = saga_n_parts(list.n, PART),
         .ns = (double)VALUE_NS * (double)saga_n_channels(&s->model, j->kind) *
               (double)list.n });
     /* The sum is in the order of the list, so it does not depend on threads. */
@@ -305,8 +304,8 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
         step_kind(bits, &j);
     }
     if (remember)
-        saga_rate_context_remember_backward(&r->context, d, &rounded,
-                                            &features, &dx);
+        saga_rate_context_remember_backward(&r->context, d, &rounded, &features,
+                                            &dx);
 }
 
 /* --- As it is coded ------------------------------------------------------ */

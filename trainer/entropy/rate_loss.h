@@ -25,75 +25,75 @@ typedef struct saga_rate_constants {
 } saga_rate_constants;
 
 enum {
-    SAGA_RATE_FINEST = 9,        /* weights of entropy networks have steps of
-                                  * 2^-9 or more */
-    SAGA_RATE_EVERY = 4,         /* an iteration evaluates one block in this
-                                  * number */
+    SAGA_RATE_FINEST = 9,          /* weights of entropy networks have steps of
+                                    * 2^-9 or more */
+    SAGA_RATE_EVERY = 4,           /* an iteration evaluates one block in this
+                                    * number */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations between two evaluations of the
                                     * bank, which learns in these
                                     * (docs/lab/memory.md) */
-    SAGA_BANK_TWIN_PACE = 2,     /* the bank's learning rate over that of the
-                                  * other entropy networks, since it learns in
-                                  * fewer iterations */
-    SAGA_RAW_STEP = 11,          /* raw networks (ablation.h) have a step of
-                                  * 2^-11 */
-    SAGA_RAW_BITS = 16           /* bits that a weight of a raw network counts
-                                  * as */
+    SAGA_BANK_TWIN_PACE = 2,       /* the bank's learning rate over that of the
+                                    * other entropy networks, since it learns in
+                                    * fewer iterations */
+    SAGA_RAW_STEP = 11,            /* raw networks (ablation.h) have a step of
+                                    * 2^-11 */
+    SAGA_RAW_BITS = 16             /* bits that a weight of a raw network counts
+                                    * as */
 };
 
 /* Bits of a kind's residuals and network when its sources were chosen, without
  * the networks of hyperprior and bank. */
 typedef struct saga_rate_gain {
-    double constants;            /* bits of residuals without sources */
-    double networks;             /* bits of residuals with all sources that were
-                                  * trained */
-    double forgetful;            /* bits of residuals with all of these sources
-                                  * except the memory bank */
-    double chosen;               /* bits of residuals with the sources that were
-                                  * kept */
-    double weights;              /* bits of the network that was kept; 0 if it
-                                  * is replaced by constants */
+    double constants; /* bits of residuals without sources */
+    double networks;  /* bits of residuals with all sources that were
+                       * trained */
+    double forgetful; /* bits of residuals with all of these sources
+                       * except the memory bank */
+    double chosen;    /* bits of residuals with the sources that were
+                       * kept */
+    double weights;   /* bits of the network that was kept; 0 if it
+                       * is replaced by constants */
 } saga_rate_gain;
 
 /* The choice of sources (rate_choice.h). */
 typedef struct saga_rate_decision {
-    uint64_t decided;            /* 1: the choice is made; 0: not yet, and
-                                  * everything is kept */
-    double step[SAGA_N_NETS];    /* steps of the entropy networks' weights */
+    uint64_t decided;         /* 1: the choice is made; 0: not yet, and
+                               * everything is kept */
+    double step[SAGA_N_NETS]; /* steps of the entropy networks' weights */
     saga_rate_gain gain[SAGA_N_KINDS];
-    double hyper_weights;        /* bits of the hyperprior's network; 0: no kind
-                                  * reads it */
-    double bank_weights;         /* bits of the bank's networks, kept or not */
-    double bank_net;             /* bits of the best choice in which the kinds
-                                  * that gain from a bank read it, with its
-                                  * networks, minus bits of the best choice
-                                  * without it. The bank is kept if this is
-                                  * below 0; 0: no kind gains */
-    uint64_t raw;                /* 1: steps are fixed, and a weight counts
-                                  * SAGA_RAW_BITS */
-    uint64_t keep;               /* 1: all sources stay, whatever they cost */
-    uint64_t given;              /* 1: networks and constants are those of
-                                  * another scene and do not change */
+    double hyper_weights; /* bits of the hyperprior's network; 0: no kind
+                           * reads it */
+    double bank_weights;  /* bits of the bank's networks, kept or not */
+    double bank_net;      /* bits of the best choice in which the kinds
+                           * that gain from a bank read it, with its
+                           * networks, minus bits of the best choice
+                           * without it. The bank is kept if this is
+                           * below 0; 0: no kind gains */
+    uint64_t raw;         /* 1: steps are fixed, and a weight counts
+                           * SAGA_RAW_BITS */
+    uint64_t keep;        /* 1: all sources stay, whatever they cost */
+    uint64_t given;       /* 1: networks and constants are those of
+                           * another scene and do not change */
 } saga_rate_decision;
 
 typedef struct saga_rate {
     saga_rate_context context;
     saga_rate_decision decision;
     saga_rate_constants constants;
-    real *mu_feature;            /* (coarse, F) mu at each block's last
-                                  * evaluation, in the coded format, against
-                                  * which features are rounded */
-    real *mu_offset;             /* (fine, 4) mu of primitives' offsets,
-                                  * likewise */
-    real *centre;                /* (coarse, 4) values of centres */
-    real *offset;                /* (fine, 5) values of fine offsets, and count
-                                  * / 16 */
-    real *decoded;               /* (fine, 5) fine offsets as decoded, and count
-                                  * / 16 */
-    real *params;                /* parameters of the rounded entropy
-                                  * networks */
-    double *row_bits;            /* (blocks, SAGA_N_STEPS) */
-    uint32_t *list;              /* (blocks) */
+    real *mu_feature; /* (coarse, F) mu at each block's last
+                       * evaluation, in the coded format, against
+                       * which features are rounded */
+    real *mu_offset;  /* (fine, 4) mu of primitives' offsets,
+                       * likewise */
+    real *centre;     /* (coarse, 4) values of centres */
+    real *offset;     /* (fine, 5) values of fine offsets, and count
+                       * / 16 */
+    real *decoded;    /* (fine, 5) fine offsets as decoded, and count
+                       * / 16 */
+    real *params;     /* parameters of the rounded entropy
+                       * networks */
+    double *row_bits; /* (blocks, SAGA_N_STEPS) */
+    uint32_t *list;   /* (blocks) */
 } saga_rate;
 
 /* The values to code: anchors from scene; offsets, supports and features of
@@ -102,26 +102,25 @@ typedef struct saga_rate {
 typedef struct saga_rate_input {
     const saga_scene *scene;
     saga_twin *twin;
-    real *feature;               /* (n.coarse, F) */
+    real *feature; /* (n.coarse, F) */
 } saga_rate_input;
 
 typedef struct saga_rate_options {
-    uint32_t first, every;       /* blocks first, first + every, ... stand for
-                                  * all of a kind */
-    bool rounding;               /* 1: offsets of anchors are rounded; 0: they
-                                  * get noise of one step. Features and
-                                  * primitives' offsets are taken as they are */
-    bool remember;               /* 1: the bank is evaluated again and learns,
-                                  * if any kind reads it; 0: its last reads are
-                                  * constants */
-    uint64_t seed;               /* seed of the noise */
-    real weight;                 /* price of a bit in the loss */
+    uint32_t first, every; /* blocks first, first + every, ... stand for
+                            * all of a kind */
+    bool rounding;         /* 1: offsets of anchors are rounded; 0: they
+                            * get noise of one step. Features and
+                            * primitives' offsets are taken as they are */
+    bool remember;         /* 1: the bank is evaluated again and learns,
+                            * if any kind reads it; 0: its last reads are
+                            * constants */
+    uint64_t seed;         /* seed of the noise */
+    real weight;           /* price of a bit in the loss */
 } saga_rate_options;
 
 /* Makes iteration `turn` evaluate one block in SAGA_RATE_EVERY, other blocks
  * each time, or all of them if it evaluates the bank. */
-static inline void saga_rate_look(saga_rate_options *o, int turn,
-                                  bool remember)
+static inline void saga_rate_look(saga_rate_options *o, int turn, bool remember)
 {
     o->remember = remember;
     o->every = remember ? 1 : SAGA_RATE_EVERY;

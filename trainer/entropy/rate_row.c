@@ -23,16 +23,14 @@ void saga_rate_cost_row(saga_rate_row *r, size_t n)
 
 /* Coefficients of p (see P(X > x) in rate_row.h), and of log2(1 + u) / u for 1
  * + u from 2^-1/2 to 2^1/2, with an error of 2.5e-7. */
-static const real tail_fit[] = {
-    0.113698532f, 0.113698579f, 0.104505289f, 0.0851255849f, 0.0675775346f,
-    0.00350077213f, 0.0739156356f, -0.0865910795f, 0.0245692317f
-};
-static const real log2_fit[] = {
-    1.44269492f, -0.721352487f, 0.480931162f, -0.36026346f, 0.286868871f,
-    -0.248322839f, 0.235709691f, -0.149733233f
-};
+static const real tail_fit[] = { 0.113698532f,  0.113698579f,   0.104505289f,
+                                 0.0851255849f, 0.0675775346f,  0.00350077213f,
+                                 0.0739156356f, -0.0865910795f, 0.0245692317f };
+static const real log2_fit[] = { 1.44269492f,  -0.721352487f, 0.480931162f,
+                                 -0.36026346f, 0.286868871f,  -0.248322839f,
+                                 0.235709691f, -0.149733233f };
 
-#define FIT(c, x) polynomial(c, (int)(sizeof (c) / sizeof *(c)), x)
+#define FIT(c, x) polynomial(c, (int)(sizeof(c) / sizeof *(c)), x)
 
 static inline vec polynomial(const real *c, int n, vec x)
 {
@@ -82,8 +80,8 @@ static inline void cost(saga_rate_row *r, size_t at)
 {
     const vec v = vec_load(r->v + at);
     /* log2 sigma is at least -22 / 7; the 4 makes the argument positive. */
-    const vec per_sigma = vec_exp2_neg(vec_load(r->log2_sigma + at) +
-                                       vec_set1(4)) * 16;
+    const vec per_sigma =
+        vec_exp2_neg(vec_load(r->log2_sigma + at) + vec_set1(4)) * 16;
     const vec half = vec_set1(0.5f), density = vec_set1(0.39894228f);
     const vec near = (absolute(v) - half) * per_sigma;
     const vec far = (absolute(v) + half) * per_sigma;
@@ -97,10 +95,10 @@ static inline void cost(saga_rate_row *r, size_t at)
     const vec d_p = vec_select((veci)(v < vec_zero()), -slope, slope);
 
     vec_store(r->bits + at, -log2_of(sum));
-    vec_store(r->d_v + at, (escape * v / (spread * 32) - d_p) * 1.44269504f /
-                           sum);
-    vec_store(r->d_log2_sigma + at, (far * e_far - near * e_near) * density /
-                                    sum);
+    vec_store(r->d_v + at,
+              (escape * v / (spread * 32) - d_p) * 1.44269504f / sum);
+    vec_store(r->d_log2_sigma + at,
+              (far * e_far - near * e_near) * density / sum);
 }
 
 void saga_rate_cost_row(saga_rate_row *r, size_t n)

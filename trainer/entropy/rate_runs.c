@@ -30,7 +30,8 @@ static uint32_t n_groups(const saga_scene *s, int kind)
 static uint32_t group_of(const saga_scene *s, int kind, size_t block)
 {
     return kind == SAGA_KIND_COARSE ? s->coarse[block].group
-         : kind == SAGA_KIND_FINE ? s->fine[block].group : 0;
+           : kind == SAGA_KIND_FINE ? s->fine[block].group
+                                    : 0;
 }
 
 size_t saga_rate_runs_most(const saga_scene *s, int kind)

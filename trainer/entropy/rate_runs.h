@@ -13,12 +13,12 @@
  * the blocks of a group or, with a bank, at most bank_blocks of them. Runs of
  * primitives, which write nothing, only divide the work. */
 typedef struct saga_rate_runs {
-    uint32_t *block;             /* (blocks) a block's rank among the blocks of
-                                  * its kind; ascending within a run */
-    uint32_t *index;             /* (blocks) the inverse: where in `block` the
-                                  * block of each rank is */
-    uint32_t *begin;             /* (n + 1) where in `block` each run begins */
-    size_t n;                    /* number of runs */
+    uint32_t *block; /* (blocks) a block's rank among the blocks of
+                      * its kind; ascending within a run */
+    uint32_t *index; /* (blocks) the inverse: where in `block` the
+                      * block of each rank is */
+    uint32_t *begin; /* (n + 1) where in `block` each run begins */
+    size_t n;        /* number of runs */
 } saga_rate_runs;
 
 #define saga_rate_runs_most SAGA_REAL_NAME(saga_rate_runs_most)

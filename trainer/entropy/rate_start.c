@@ -38,9 +38,10 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
             /* The bits of a settled channel are not needed any more. */
             if (!settled[c])
                 bits[c] += saga_rate_bits(
-                    (y[i] - (double)r->constants.mean[kind][c]) /
-                    saga_rate_step_size(m, kind, c),
-                    (double)r->constants.log2_sigma[kind][c]).bits;
+                               (y[i] - (double)r->constants.mean[kind][c]) /
+                                   saga_rate_step_size(m, kind, c),
+                               (double)r->constants.log2_sigma[kind][c])
+                               .bits;
         }
     }
 }
@@ -102,15 +103,17 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     for (i = 0; i < channels; i++) {
         /* A kind without blocks divides by 1. */
         const double mean = saga_rate_is_anchor(kind, i)
-            ? 0 : sum[i] / (double)(n + !n);
+                                ? 0
+                                : sum[i] / (double)(n + !n);
         const double spread = square[i] / (double)(n + !n) - mean * mean;
         const double step = saga_rate_step_size(m, kind, i);
 
         r->constants.mean[kind][i] = R(mean);
         /* The deviation includes that of rounding, and is at most the coder's
          * widest. */
-        r->constants.log2_sigma[kind][i] = R(fmin(SAGA_RATE_LOG2_MAX,
-            0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
+        r->constants.log2_sigma[kind][i] = R(
+            fmin(SAGA_RATE_LOG2_MAX,
+                 0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
     }
     narrow_constants(r, &clean, kind);
 }
@@ -186,8 +189,8 @@ static void begin_bank(saga_scene *s)
  * of their offsets are 0. */
 static bool fine_offsets_are_0(const saga_model *m)
 {
-    return m->step_q16[SAGA_STEP_FINE] >> 16 >=
-           32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits;
+    return m->step_q16[SAGA_STEP_FINE] >> 16 >= 32768u >>
+           m->tier[SAGA_TIER_COARSE].suffix_bits;
 }
 
 static void begin_networks(saga_rate *r, saga_scene *s,
@@ -214,8 +217,8 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
         begin_networks(r, s, x);
     for (i = 0; i < s->n.coarse; i++)
         saga_rate_remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
-                    r->constants.mean[SAGA_KIND_COARSE]);
+                              r->constants.mean[SAGA_KIND_COARSE]);
     for (i = 0; i < s->n.fine; i++)
         saga_rate_remember_mu(r, &s->model, SAGA_KIND_PRIM, i,
-                    r->constants.mean[SAGA_KIND_PRIM]);
+                              r->constants.mean[SAGA_KIND_PRIM]);
 }

@@ -28,7 +28,7 @@ static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
 }
 
 size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
-                         const saga_rate_input *x, int kind, size_t block)
+                            const saga_rate_input *x, int kind, size_t block)
 {
     const saga_scene *const s = x->scene;
     const size_t f = s->model.features;
@@ -43,8 +43,8 @@ size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
     }
     for (i = 0; i < 4; i++)
         y[i] = (double)(kind == SAGA_KIND_COARSE
-            ? r->centre[4 * block + i]
-            : r->offset[SAGA_RATE_OFFSETS * block + i]);
+                            ? r->centre[4 * block + i]
+                            : r->offset[SAGA_RATE_OFFSETS * block + i]);
     for (i = 0; kind == SAGA_KIND_COARSE && i < f; i++)
         y[4 + i] = (double)x->feature[block * f + i];
     return 1;
@@ -54,7 +54,7 @@ size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
  * values that training holds midway between two steps would all be coded to the
  * same side. */
 void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,
-                        size_t block, const real *mu)
+                           size_t block, const real *mu)
 {
     const size_t first = kind == SAGA_KIND_COARSE ? 4 : 0;
     const size_t n = kind == SAGA_KIND_COARSE ? m->features : 4;
@@ -98,7 +98,8 @@ void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
     uint32_t k;
 
     for (k = 0; k < 4; k++)
-        o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
-                                saga_suffix_centre(suffix, bits, k),
+        o[k] = R(nearest(at[k],
+                         (double)r->mu_offset[4 * fine + k] +
+                             saga_suffix_centre(suffix, bits, k),
                          step));
 }

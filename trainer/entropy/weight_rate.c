@@ -26,29 +26,32 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     memset(w, 0, sizeof *w);
     for (i = 0; i < SAGA_N_NETS; i++)
         for (k = 0; !saga_is_entropy_net(i) && k < net[i].n_layers &&
-                    net[i].dim[0] > 0; k++) {
+                    net[i].dim[0] > 0;
+             k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
 
             add_tensor(w, (saga_weight_tensor){
-                i, k, (size_t)(net[i].w[k] - params), rows,
-                (size_t)net[i].dim[k], int8[i] });
-            add_tensor(w, (saga_weight_tensor){
-                i, k, (size_t)(net[i].b[k] - params), rows, 1, int8[i] });
+                              i, k, (size_t)(net[i].w[k] - params), rows,
+                              (size_t)net[i].dim[k], int8[i] });
+            add_tensor(w, (saga_weight_tensor){ i, k,
+                                                (size_t)(net[i].b[k] - params),
+                                                rows, 1, int8[i] });
         }
 }
 
 /* The deviations of a tensor's rows or columns, or the one of all of it. */
 typedef struct {
-    int mode;                /* SAGA_SCALE_* */
-    size_t lines;            /* number of deviations */
+    int mode;     /* SAGA_SCALE_* */
+    size_t lines; /* number of deviations */
     double sigma[SAGA_MAX_VECTOR];
 } deviations;
 
 /* Returns the index of the deviation for parameter i of a tensor. */
 static size_t line_of(int mode, size_t i, size_t cols)
 {
-    return mode == SAGA_SCALE_ROW ? i / cols
-         : mode == SAGA_SCALE_COLUMN ? i % cols : 0;
+    return mode == SAGA_SCALE_ROW      ? i / cols
+           : mode == SAGA_SCALE_COLUMN ? i % cols
+                                       : 0;
 }
 
 /* Measures the deviations of a tensor, each at least `least`. */
@@ -64,8 +67,8 @@ static void measure(deviations *d, int mode, const real *x,
     d->lines = lines ? lines : 1;
     memset(d->sigma, 0, d->lines * sizeof *d->sigma);
     for (i = 0; i < n; i++)
-        d->sigma[line_of(mode, i, t->cols)] +=
-            (double)x[t->at + i] * (double)x[t->at + i];
+        d->sigma[line_of(mode, i, t->cols)] += (double)x[t->at + i] *
+                                               (double)x[t->at + i];
     for (i = 0; i < d->lines; i++)
         d->sigma[i] = fmax(sqrt(d->sigma[i] * (double)d->lines / (double)n),
                            least);
@@ -126,8 +129,9 @@ static void tensor_noise(void *user, size_t t)
     const size_t at = j->w->tensor[t].at;
     const size_t n = j->w->tensor[t].rows * j->w->tensor[t].cols;
     const saga_rng r = saga_rng_stream(j->seed, (uint64_t)t);
-    const double size = (int)t < j->n_rounded ? 0 : j->noise *
-                        saga_weights_step(j->w, (int)t);
+    const double size = (int)t < j->n_rounded
+                            ? 0
+                            : j->noise * saga_weights_step(j->w, (int)t);
     size_t i;
 
     for (i = 0; i < n; i++)
@@ -166,7 +170,9 @@ void saga_weights_round(real *y, const real *x, const saga_weights *w)
 
 /* The bits of an interval of `step` around y, with the derivatives by y and by
  * the natural logarithm of the step. */
-typedef struct { double bits, by_y, by_ln; } cost;
+typedef struct {
+    double bits, by_y, by_ln;
+} cost;
 
 static cost cost_of(double y, double step, double sigma)
 {
@@ -192,8 +198,9 @@ static cost cost_of(double y, double step, double sigma)
 static double about(const deviations *d, size_t n, double step)
 {
     const double each = (double)n / (double)d->lines;
-    double bits = d->mode == SAGA_SCALE_TENSOR ? 0
-                : (double)SAGA_QUANTISE_LINE_BITS * (double)d->lines;
+    double bits = d->mode == SAGA_SCALE_TENSOR
+                      ? 0
+                      : (double)SAGA_QUANTISE_LINE_BITS * (double)d->lines;
     size_t i;
 
     for (i = 0; i < d->lines; i++) {
@@ -209,14 +216,13 @@ static double about(const deviations *d, size_t n, double step)
 static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
                    double step, int is_bias)
 {
-    const double least = step * exp2(-(double)SAGA_SCALE_UNIT /
-                                     SAGA_SCALE_PER_OCTAVE);
+    const double least = step *
+                         exp2(-(double)SAGA_SCALE_UNIT / SAGA_SCALE_PER_OCTAVE);
     const size_t n = t->rows * t->cols;
     int mode;
 
     measure(d, SAGA_SCALE_TENSOR, x, t, least);
-    for (mode = SAGA_SCALE_ROW; !is_bias && mode < SAGA_N_SCALE_MODES;
-         mode++) {
+    for (mode = SAGA_SCALE_ROW; !is_bias && mode < SAGA_N_SCALE_MODES; mode++) {
         deviations other;
 
         measure(&other, mode, x, t, least);

@@ -36,22 +36,22 @@ enum { SAGA_WEIGHT_TENSORS = 2 * SAGA_N_NETS * SAGA_NET_LAYERS };
 /* Even tensors are weights, odd ones are the biases of the same layer. */
 typedef struct saga_weight_tensor {
     int net, layer;
-    size_t at;               /* index of the first parameter in params */
-    size_t rows, cols;       /* size of the matrix; biases have (n_out, 1) */
-    bool int8;               /* weights have 8 bits in the file */
+    size_t at;         /* index of the first parameter in params */
+    size_t rows, cols; /* size of the matrix; biases have (n_out, 1) */
+    bool int8;         /* weights have 8 bits in the file */
 } saga_weight_tensor;
 
 typedef struct saga_weights {
-    int n;                   /* number of tensors, in the order of params */
+    int n; /* number of tensors, in the order of params */
     saga_weight_tensor tensor[SAGA_WEIGHT_TENSORS];
     real log2_step[SAGA_WEIGHT_TENSORS];
     real d_log2_step[SAGA_WEIGHT_TENSORS]; /* gradients; Adam's moments are m
                                             * and v */
     real m[SAGA_WEIGHT_TENSORS], v[SAGA_WEIGHT_TENSORS];
-    double bits[SAGA_WEIGHT_TENSORS];      /* bits at the last
-                                            * saga_weights_rate */
-    int mode[SAGA_WEIGHT_TENSORS];         /* SAGA_SCALE_*, the deviations that
-                                            * took the fewest bits */
+    double bits[SAGA_WEIGHT_TENSORS]; /* bits at the last
+                                       * saga_weights_rate */
+    int mode[SAGA_WEIGHT_TENSORS];    /* SAGA_SCALE_*, the deviations that
+                                       * took the fewest bits */
 } saga_weights;
 
 #define saga_weights_list SAGA_REAL_NAME(saga_weights_list)

@@ -15,14 +15,14 @@
 /* The columns in the reverse order of rounding: first the bias, then by
  * ascending diagonal of H. */
 typedef struct {
-    size_t n;                    /* n_in + 1 */
-    size_t *order;               /* (n) column at each position */
-    double *h;                   /* (n, n) lower triangle of H, with columns in
-                                  * their original order */
-    double *factor;              /* (n, n) lower triangle: factor factor^T = H,
-                                  * in `order` */
-    double *follow;              /* (n, n) row i: the change of columns before i
-                                  * for a unit error of column i */
+    size_t n;       /* n_in + 1 */
+    size_t *order;  /* (n) column at each position */
+    double *h;      /* (n, n) lower triangle of H, with columns in
+                     * their original order */
+    double *factor; /* (n, n) lower triangle: factor factor^T = H,
+                     * in `order` */
+    double *follow; /* (n, n) row i: the change of columns before i
+                     * for a unit error of column i */
 } work;
 
 static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
@@ -33,7 +33,10 @@ static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
 /* Nanoseconds for a multiplication. */
 enum { PRODUCT_NS = 1 };
 
-typedef struct { double *h; const saga_weight_round_input *in; } gathering;
+typedef struct {
+    double *h;
+    const saga_weight_round_input *in;
+} gathering;
 
 static void gather_row(void *user, size_t a)
 {
@@ -56,9 +59,11 @@ static void gather(double *h, const saga_weight_round_input *in)
     const size_t n = in->n_in + 1;
     gathering g = { h, in };
 
-    saga_parallel(&(saga_tasks){
-        .run = gather_row, .user = &g, .n = n,
-        .ns = PRODUCT_NS * (double)(n * n) * (double)in->points / 2 });
+    saga_parallel(&(saga_tasks){ .run = gather_row,
+                                 .user = &g,
+                                 .n = n,
+                                 .ns = PRODUCT_NS * (double)(n * n) *
+                                       (double)in->points / 2 });
 }
 
 static void damp(double *h, size_t n)
@@ -168,8 +173,7 @@ static void round_row(real *weight, real *bias, double *row, const work *w,
         most = round_ordered(row, w, in, times);
     } while (in->most && most > in->most);
     for (i = 0; i < w->n; i++)
-        *(w->order[i] < in->n_in ? &weight[w->order[i]] : bias) =
-            (real)row[i];
+        *(w->order[i] < in->n_in ? &weight[w->order[i]] : bias) = (real)row[i];
 }
 
 bool saga_weight_round(real *weight, real *bias,

@@ -26,12 +26,11 @@ bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
 
 uint64_t saga_cloud_nbytes(size_t n, int degree)
 {
-    return (uint64_t)n * 4 *
-           (11 + 3 * (uint64_t)saga_n_harmonics(degree));
+    return (uint64_t)n * 4 * (11 + 3 * (uint64_t)saga_n_harmonics(degree));
 }
 
-bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree,
-                      const char *path, saga_error *error)
+bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree, const char *path,
+                      saga_error *error)
 {
     const uint64_t most = cloud->most_nbytes;
     const saga_cloud_facts facts = cloud->facts;
@@ -39,10 +38,12 @@ bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree,
     const uint64_t need = 2 * saga_cloud_nbytes(n, degree);
 
     if (most && need > most)
-        return saga_fail(error, path, "give more --memory or a file of fewer "
-                         "splats", "has %zu splats, which take %.1f GiB to "
-                         "read; --memory allows %.1f", n, 0x1p-30 *
-                         (double)need, 0x1p-30 * (double)most);
+        return saga_fail(error, path,
+                         "give more --memory or a file of fewer "
+                         "splats",
+                         "has %zu splats, which take %.1f GiB to "
+                         "read; --memory allows %.1f",
+                         n, 0x1p-30 * (double)need, 0x1p-30 * (double)most);
     if (!saga_cloud_alloc(cloud, n, degree, error))
         return false;
     cloud->most_nbytes = most;
@@ -62,8 +63,9 @@ void saga_cloud_free(saga_cloud *cloud)
 
 float saga_cloud_logit(double opacity)
 {
-    return opacity <= 0.0 ? -INFINITY
-         : opacity >= 1.0 ? INFINITY : (float)log(opacity / (1.0 - opacity));
+    return opacity <= 0.0   ? -INFINITY
+           : opacity >= 1.0 ? INFINITY
+                            : (float)log(opacity / (1.0 - opacity));
 }
 
 int saga_cloud_largest(const float q[4])

@@ -19,21 +19,21 @@
 /* How a reader has stored scales and opacities. In two formats some writers
  * store the other kind, which saga_cloud_tidy finds out. */
 typedef enum saga_cloud_form {
-    SAGA_FORM_SURE = 0,      /* logarithms and logits */
-    SAGA_FORM_LOG,           /* as the file has them, by custom the same */
-    SAGA_FORM_LINEAR         /* as the file has them, by custom lengths and
-                              * opacities */
+    SAGA_FORM_SURE = 0, /* logarithms and logits */
+    SAGA_FORM_LOG,      /* as the file has them, by custom the same */
+    SAGA_FORM_LINEAR    /* as the file has them, by custom lengths and
+                         * opacities */
 } saga_cloud_form;
 
 typedef struct saga_cloud {
     size_t n;
-    int degree;              /* degree of the colours' harmonics, 0..3 */
-    float *mean;             /* (n, 3) */
-    float *quat;             /* (n, 4) unit: w, x, y, z */
-    float *log_scale;        /* natural logarithm of the standard deviations */
-    float *logit;            /* (n) opacity = 1 / (1 + exp(-logit)) */
-    float *colour;           /* R, G, B of each harmonic */
-    uint64_t most_nbytes;    /* memory that a reader may take; 0: any */
+    int degree;           /* degree of the colours' harmonics, 0..3 */
+    float *mean;          /* (n, 3) */
+    float *quat;          /* (n, 4) unit: w, x, y, z */
+    float *log_scale;     /* natural logarithm of the standard deviations */
+    float *logit;         /* (n) opacity = 1 / (1 + exp(-logit)) */
+    float *colour;        /* R, G, B of each harmonic */
+    uint64_t most_nbytes; /* memory that a reader may take; 0: any */
     saga_cloud_form form;
     saga_cloud_facts facts;
 } saga_cloud;
@@ -44,8 +44,8 @@ bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
 
 /* Allocates an empty cloud for what a file announces, if reading that fits into
  * most_nbytes, which stays as it is, like `facts`. `path` serves messages. */
-bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree,
-                      const char *path, saga_error *error);
+bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree, const char *path,
+                      saga_error *error);
 
 /* Returns the memory of n splats. */
 uint64_t saga_cloud_nbytes(size_t n, int degree);

@@ -132,7 +132,8 @@ static double parameter_of(float logit)
 }
 
 bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
-                       const saga_shot *shot, int n_shots, saga_error *error)
+                       const saga_source_view *view, int n_views,
+                       saga_error *error)
 {
     if (!saga_params_alloc(p, saga_attrs_of_tools(0, true), cloud->n, error))
         return false;
@@ -148,18 +149,18 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
         for (size_t a = 0; a < 4; a++)
             p->quat[4 * i + a] = (real)cloud->quat[4 * i + a];
     }
-    /* The colour is the mean of what the shots see. If there are no shots,
+    /* The colour is the mean of what the views see. If there are no views,
      * colours stay 0, because draw() sets the colours for each view. */
-    for (int v = 0; v < n_shots; v++) {
+    for (int v = 0; v < n_views; v++) {
         double eye[3];
 
-        saga_shot_centre(eye, &shot[v]);
+        saga_source_view_centre(eye, &view[v]);
         for (size_t i = 0; i < cloud->n; i++) {
             real colour[3];
 
             colour_from(colour, cloud, i, eye);
             for (size_t k = 0; k < 3; k++)
-                p->colour[3 * i + k] += colour[k] / (real)n_shots;
+                p->colour[3 * i + k] += colour[k] / (real)n_views;
         }
     }
     return true;
@@ -175,11 +176,12 @@ typedef struct {
     double near_plane;
 } frame;
 
-static void aim(saga_splat_camera *c, const saga_shot *v, double near_plane)
+static void aim(saga_splat_camera *c, const saga_source_view *v,
+                double near_plane)
 {
     double eye[3];
 
-    saga_shot_centre(eye, v);
+    saga_source_view_centre(eye, v);
     for (int i = 0; i < 9; i++)
         c->rotation[i] = (real)v->rotation[i];
     for (int i = 0; i < 3; i++) {
@@ -195,13 +197,13 @@ static void aim(saga_splat_camera *c, const saga_shot *v, double near_plane)
     c->height = v->height;
 }
 
-static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
+static bool draw(uint8_t *rgb, const frame *f, const saga_source_view *v,
                  saga_error *error)
 {
     const size_t n = (size_t)v->width * (size_t)v->height;
     double eye[3];
 
-    saga_shot_centre(eye, v);
+    saga_source_view_centre(eye, v);
     /* Only colours depend on the view; the other parameters serve all views. */
     for (size_t i = 0; i < f->cloud->n; i++)
         colour_from(f->params.colour + 3 * i, f->cloud, i, eye);
@@ -237,8 +239,11 @@ static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
         for (size_t a = 0; a < 3; a++) {
             /* The mean over all directions is given by the constant harmonic
              * alone. */
-            const double v = 0.5 + SAGA_HARMONIC_0 * (double)cloud->colour[
-                3 * (size_t)saga_n_harmonics(cloud->degree) * i + a];
+            const double v =
+                0.5 +
+                SAGA_HARMONIC_0 *
+                    (double)cloud->colour
+                        [3 * (size_t)saga_n_harmonics(cloud->degree) * i + a];
 
             p->position[a] = (double)cloud->mean[3 * i + a];
             p->rgb[a] = (uint8_t)lrint(255 * fmin(fmax(v, 0.0), 1.0));
@@ -260,8 +265,9 @@ static bool draw_frame(saga_capture *c, saga_canvas *canvas,
     f.near_plane = NEAR_PART * radius;
     ok = true;
     for (int v = 0; v < c->n_views && ok; v++)
-        ok = draw(c->views[v].rgb + saga_view_frame_nbytes(&c->views[v]) *
-                  (size_t)number, &f, &c->views[v], error);
+        ok = draw(c->views[v].rgb +
+                      saga_view_frame_nbytes(&c->views[v]) * (size_t)number,
+                  &f, &c->views[v], error);
     saga_params_free(&f.params);
     return ok;
 }
@@ -291,34 +297,38 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
 
 /* --- The capture --------------------------------------------------------- */
 
-static bool begin(saga_capture *c, const saga_cloud_source *s,
-                  saga_error *error)
+static bool begin_capture(saga_capture *c, const saga_cloud_source *s,
+                          saga_error *error)
 {
     uint64_t nbytes = 0;
 
-    *c = (saga_capture){ .format = "splats", .n_frames = s->n_frames,
-                         .fps = s->fps, .scale = 1 };
-    for (int v = 0; v < s->n_shots; v++)
-        nbytes += (uint64_t)saga_view_frame_nbytes(&s->shot[v]) *
+    *c = (saga_capture){
+        .format = "splats", .n_frames = s->n_frames, .fps = s->fps, .scale = 1
+    };
+    for (int v = 0; v < s->n_views; v++)
+        nbytes += (uint64_t)saga_view_frame_nbytes(&s->view[v]) *
                   (uint64_t)s->n_frames;
     if (nbytes > s->most_nbytes)
-        return saga_fail(error, s->path[0], "use smaller pictures (--size), "
-                         "fewer cameras or more --memory", "pictures of %d "
+        return saga_fail(error, s->path[0],
+                         "use smaller pictures (--size), "
+                         "fewer cameras or more --memory",
+                         "pictures of %d "
                          "frames from %d cameras take %.1f GiB; --memory "
-                         "allows %.1f", s->n_frames, s->n_shots, 0x1p-30 *
-                         (double)nbytes, 0x1p-30 * (double)s->most_nbytes);
-    c->views = saga_calloc((size_t)s->n_shots, sizeof *c->views, "cameras",
+                         "allows %.1f",
+                         s->n_frames, s->n_views, 0x1p-30 * (double)nbytes,
+                         0x1p-30 * (double)s->most_nbytes);
+    c->views = saga_calloc((size_t)s->n_views, sizeof *c->views, "cameras",
                            error);
     c->points = saga_alloc(MOST_POINTS, sizeof *c->points, "points", error);
     if (!c->views || !c->points)
         return false;
     /* n_views grows with each view, so that saga_capture_free frees all of them
      * if an allocation fails half-way. */
-    for (int v = 0; v < s->n_shots; v++) {
-        c->views[v] = s->shot[v];
+    for (int v = 0; v < s->n_views; v++) {
+        c->views[v] = s->view[v];
         c->n_views++;
         c->views[v].rgb = saga_alloc((size_t)s->n_frames,
-                                     saga_view_frame_nbytes(&s->shot[v]),
+                                     saga_view_frame_nbytes(&s->view[v]),
                                      "pictures of the splats", error);
         if (!c->views[v].rgb)
             return false;
@@ -330,16 +340,15 @@ static size_t largest(const saga_cloud_source *s)
 {
     size_t most = 0;
 
-    for (int v = 0; v < s->n_shots; v++) {
-        const size_t n = (size_t)s->shot[v].width * (size_t)s->shot[v].height;
+    for (int v = 0; v < s->n_views; v++) {
+        const size_t n = (size_t)s->view[v].width * (size_t)s->view[v].height;
 
         most = n > most ? n : most;
     }
     return most;
 }
 
-static bool fill(saga_capture *c, const saga_cloud_source *s,
-                 saga_error *error)
+static bool fill(saga_capture *c, const saga_cloud_source *s, saga_error *error)
 {
     saga_canvas canvas = { .t = 0 };
     bool ok = saga_canvas_init(&canvas, largest(s), error);
@@ -364,7 +373,7 @@ static bool fill(saga_capture *c, const saga_cloud_source *s,
 bool saga_cloud_capture(saga_capture *capture, const saga_cloud_source *source,
                         saga_error *error)
 {
-    if (begin(capture, source, error) && fill(capture, source, error))
+    if (begin_capture(capture, source, error) && fill(capture, source, error))
         return true;
     saga_capture_free(capture);
     return false;

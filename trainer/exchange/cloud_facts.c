@@ -11,20 +11,21 @@ static const char *const words[SAGA_N_FACTS] = {
     [SAGA_FACT_SMALL] = "that are less visible than the --primitives kept",
     [SAGA_FACT_UNTURNED] = "rotations of length 0 are read as none",
     [SAGA_FACT_MOVED] = "positions outside the scene's cube are moved to its "
-        "faces",
+                        "faces",
     [SAGA_FACT_RESIZED] = "scales above a quarter or below a 131,072nd of the "
-        "scene's cube are clamped",
+                          "scene's cube are clamped",
     [SAGA_FACT_LINEAR_SCALE] = "scales are read as lengths; by their size they "
-        "are no logarithms",
+                               "are no logarithms",
     [SAGA_FACT_LOG_SCALE] = "scales are read as logarithms, because some are "
-        "negative",
+                            "negative",
     [SAGA_FACT_OPACITY] = "opacities are read as they are, because all are in "
-        "0..1, which logits are not",
+                          "0..1, which logits are not",
     [SAGA_FACT_LOGIT] = "opacities are read as logits, because some are not in "
-        "0..1",
+                        "0..1",
     [SAGA_FACT_UNSURE] = "opacities are all in 0..1 and read as logits, which "
-        "makes them 0.50 to 0.73",
-    [SAGA_FACT_CODEBOOK] = "a list of codes lacks its first number, as in "
+                         "makes them 0.50 to 0.73",
+    [SAGA_FACT_CODEBOOK] =
+        "a list of codes lacks its first number, as in "
         "files of older writers; the list is continued by a step",
     [SAGA_FACT_HARMONICS] = "harmonics of degree 4 are left out",
 };
@@ -37,7 +38,7 @@ void saga_cloud_facts_add(saga_cloud_facts *sum, const saga_cloud_facts *more)
 }
 
 /* Writes one line about all splats that are left out. */
-static bool tell_left_out(char line[SAGA_FACTS_NBYTES],
+static bool note_left_out(char line[SAGA_FACTS_NBYTES],
                           const saga_cloud_facts *facts)
 {
     size_t sum = 0;
@@ -49,9 +50,8 @@ static bool tell_left_out(char line[SAGA_FACTS_NBYTES],
                  facts->n);
     for (int i = 0, any = 0; i <= SAGA_FACT_SMALL; i++)
         if (facts->count[i])
-            n += snprintf(line + n, SAGA_FACTS_NBYTES - (size_t)n,
-                          "%s %zu %s", any++ ? "," : ":", facts->count[i],
-                          words[i]);
+            n += snprintf(line + n, SAGA_FACTS_NBYTES - (size_t)n, "%s %zu %s",
+                          any++ ? "," : ":", facts->count[i], words[i]);
     return sum > 0;
 }
 
@@ -61,7 +61,7 @@ bool saga_cloud_facts_line(char line[SAGA_FACTS_NBYTES], int *from,
     /* All kinds of splats that are left out share the first line. */
     if (*from == 0) {
         *from = SAGA_FACT_SMALL + 1;
-        if (tell_left_out(line, facts))
+        if (note_left_out(line, facts))
             return true;
     }
     while (*from < SAGA_N_FACTS && !facts->count[*from])

@@ -11,18 +11,27 @@
 
 typedef enum saga_cloud_fact {
     /* Splats that are left out. */
-    SAGA_FACT_BROKEN, SAGA_FACT_ZERO, SAGA_FACT_FAINT, SAGA_FACT_SMALL,
+    SAGA_FACT_BROKEN,
+    SAGA_FACT_ZERO,
+    SAGA_FACT_FAINT,
+    SAGA_FACT_SMALL,
     /* Splats that are changed. */
-    SAGA_FACT_UNTURNED, SAGA_FACT_MOVED, SAGA_FACT_RESIZED,
+    SAGA_FACT_UNTURNED,
+    SAGA_FACT_MOVED,
+    SAGA_FACT_RESIZED,
     /* Files that are read in a way of their own. */
-    SAGA_FACT_LINEAR_SCALE, SAGA_FACT_LOG_SCALE, SAGA_FACT_OPACITY,
-    SAGA_FACT_LOGIT, SAGA_FACT_UNSURE, SAGA_FACT_CODEBOOK,
+    SAGA_FACT_LINEAR_SCALE,
+    SAGA_FACT_LOG_SCALE,
+    SAGA_FACT_OPACITY,
+    SAGA_FACT_LOGIT,
+    SAGA_FACT_UNSURE,
+    SAGA_FACT_CODEBOOK,
     SAGA_FACT_HARMONICS,
     SAGA_N_FACTS
 } saga_cloud_fact;
 
 typedef struct saga_cloud_facts {
-    size_t n;                /* number of splats in the files */
+    size_t n; /* number of splats in the files */
     size_t count[SAGA_N_FACTS];
 } saga_cloud_facts;
 

@@ -15,9 +15,9 @@
 
 /* The numbers that a format can hold; 0: any. */
 typedef struct saga_cloud_limits {
-    float log_scale[2];      /* least and most */
-    float constant, rest;    /* largest magnitude of a coefficient of the
-                              * constant harmonic, and of the others */
+    float log_scale[2];   /* least and most */
+    float constant, rest; /* largest magnitude of a coefficient of the
+                           * constant harmonic, and of the others */
 } saga_cloud_limits;
 
 /* One file format. `read` does not judge the numbers or the splats of a file,
@@ -26,9 +26,9 @@ typedef struct saga_cloud_limits {
  * it takes other memory for the splats. If it fails, the cloud is empty.
  * `write` leaves either a complete file or none. */
 typedef struct saga_cloud_format {
-    const char *name;        /* the format's name in messages */
-    const char *suffix;      /* suffix of its file names */
-    const char *carries;     /* its precision, for help texts */
+    const char *name;    /* the format's name in messages */
+    const char *suffix;  /* suffix of its file names */
+    const char *carries; /* its precision, for help texts */
     bool (*is_it)(const saga_bytes *bytes);
     bool (*read)(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
                  saga_error *error);
@@ -59,8 +59,8 @@ bool saga_cloud_write(const char *path, saga_cloud *cloud, saga_error *error);
 /* Reads a file, whose format is recognised by its bytes and not by its name,
  * and cleans up the splats with saga_cloud_tidy. The file and its splats may
  * take most_nbytes of memory; 0: any. */
-bool saga_cloud_read(saga_cloud *cloud, const char *path,
-                     uint64_t most_nbytes, saga_error *error);
+bool saga_cloud_read(saga_cloud *cloud, const char *path, uint64_t most_nbytes,
+                     saga_error *error);
 
 /* Removes splats with numbers that are not finite or are very large, rows of
  * zeros, and splats too faint to be drawn; converts scales and opacities to

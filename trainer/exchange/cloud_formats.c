@@ -10,8 +10,8 @@ extern const saga_cloud_format saga_packed_format, saga_ply_format,
 /* The first matching format is taken. A format whose files look like another's
  * therefore comes before it, and so does a longer suffix. */
 static const saga_cloud_format *const formats[] = {
-    &saga_packed_format, &saga_ply_format, &saga_spz4_format, &saga_spz_format,
-    &saga_glb_format, &saga_sog_format
+    &saga_packed_format, &saga_ply_format, &saga_spz4_format,
+    &saga_spz_format,    &saga_glb_format, &saga_sog_format
 };
 
 enum { N_FORMATS = sizeof formats / sizeof formats[0] };
@@ -71,15 +71,17 @@ static bool read_bytes(saga_bytes *bytes, const char *path, uint64_t most,
 
     if (most && stat(path, &info) == 0 && S_ISREG(info.st_mode) &&
         (uint64_t)info.st_size > most)
-        return saga_fail(error, path, "give more --memory or a file of fewer "
-                         "splats", "has %.1f GiB; --memory allows %.1f",
+        return saga_fail(error, path,
+                         "give more --memory or a file of fewer "
+                         "splats",
+                         "has %.1f GiB; --memory allows %.1f",
                          0x1p-30 * (double)info.st_size,
                          0x1p-30 * (double)most);
     return saga_read_file(bytes, path, error);
 }
 
-bool saga_cloud_read(saga_cloud *cloud, const char *path,
-                     uint64_t most_nbytes, saga_error *error)
+bool saga_cloud_read(saga_cloud *cloud, const char *path, uint64_t most_nbytes,
+                     saga_error *error)
 {
     saga_bytes bytes;
     bool ok;
@@ -121,7 +123,7 @@ size_t saga_cloud_beyond(const saga_cloud *cloud,
         n += of == 0 ? is_beyond(cloud->log_scale + 3 * i, 3, l->log_scale[0],
                                  l->log_scale[1])
                      : is_beyond(colour, 3, -l->constant, l->constant) ||
-                       is_beyond(colour + 3, each - 3, -l->rest, l->rest);
+                           is_beyond(colour + 3, each - 3, -l->rest, l->rest);
     }
     return n;
 }

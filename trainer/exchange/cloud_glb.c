@@ -64,7 +64,7 @@ static float colour(const saga_cloud *c, size_t i, int k, const attribute *a)
 typedef struct {
     const saga_cloud *cloud;
     attribute attribute[MOST_ATTRIBUTES];
-    int n;                   /* number of attributes */
+    int n; /* number of attributes */
     size_t bin_nbytes;
 } glb;
 
@@ -74,11 +74,9 @@ static void list_attributes(glb *g)
     int n = 4;
 
     a[0] = (attribute){ "POSITION", "VEC3", 3, 0, mean };
-    a[1] = (attribute){ GLB_SPLATS ":ROTATION", "VEC4", 4, 0,
-                        quat };
+    a[1] = (attribute){ GLB_SPLATS ":ROTATION", "VEC4", 4, 0, quat };
     a[2] = (attribute){ GLB_SPLATS ":SCALE", "VEC3", 3, 0, scale };
-    a[3] = (attribute){ GLB_SPLATS ":OPACITY", "SCALAR", 1, 0,
-                        opacity };
+    a[3] = (attribute){ GLB_SPLATS ":OPACITY", "SCALAR", 1, 0, opacity };
     /* Coefficients are ordered by degree, as in a cloud, so n - 4 is the number
      * of the harmonic. */
     for (int degree = 0; degree <= g->cloud->degree; degree++)
@@ -116,11 +114,10 @@ static json_t *json_primitive(const glb *g)
 
     for (int i = 0; i < g->n; i++)
         json_object_set_new(of, g->attribute[i].name, json_integer(i));
-    return json_pack("{sosis{s{ssssssss}}}", "attributes", of,
-                     "mode", GLB_POINTS, "extensions", GLB_SPLATS,
-                     "kernel", "ellipse", "colorSpace", GLB_COLOUR_SPACE,
-                     "projection", "perspective",
-                     "sortingMethod", "cameraDistance");
+    return json_pack("{sosis{s{ssssssss}}}", "attributes", of, "mode",
+                     GLB_POINTS, "extensions", GLB_SPLATS, "kernel", "ellipse",
+                     "colorSpace", GLB_COLOUR_SPACE, "projection",
+                     "perspective", "sortingMethod", "cameraDistance");
 }
 
 /* Makes the JSON and sets bin_nbytes, the size of the binary chunk. */
@@ -140,19 +137,19 @@ static json_t *json_of(glb *g)
         if (i == 0)
             add_bounds(accessor, cloud);
         json_array_append_new(accessors, accessor);
-        json_array_append_new(views, json_pack(
-            "{sisIsIsi}", "buffer", 0, "byteOffset", (json_int_t)g->bin_nbytes,
-            "byteLength", (json_int_t)size, "target", ARRAY_BUFFER));
+        json_array_append_new(
+            views, json_pack("{sisIsIsi}", "buffer", 0, "byteOffset",
+                             (json_int_t)g->bin_nbytes, "byteLength",
+                             (json_int_t)size, "target", ARRAY_BUFFER));
         g->bin_nbytes += size;
     }
-    return json_pack(
-        "{s{ssss}s[s]sis[{s[i]}]s[{si}]s[{s[o]}]s[{sI}]soso}",
-        "asset", "version", "2.0", "generator", "saga export",
-        "extensionsUsed", GLB_SPLATS, "scene", 0,
-        "scenes", "nodes", 0, "nodes", "mesh", 0,
-        "meshes", "primitives", json_primitive(g),
-        "buffers", "byteLength", (json_int_t)g->bin_nbytes,
-        "bufferViews", views, "accessors", accessors);
+    return json_pack("{s{ssss}s[s]sis[{s[i]}]s[{si}]s[{s[o]}]s[{sI}]soso}",
+                     "asset", "version", "2.0", "generator", "saga export",
+                     "extensionsUsed", GLB_SPLATS, "scene", 0, "scenes",
+                     "nodes", 0, "nodes", "mesh", 0, "meshes", "primitives",
+                     json_primitive(g), "buffers", "byteLength",
+                     (json_int_t)g->bin_nbytes, "bufferViews", views,
+                     "accessors", accessors);
 }
 
 /* --- The file ------------------------------------------------------------ */
@@ -218,7 +215,8 @@ static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
     bool ok;
 
     if (!cloud->n)
-        return saga_fail(error, path, "choose another frame", "no splat is "
+        return saga_fail(error, path, "choose another frame",
+                         "no splat is "
                          "visible, and glTF has no empty arrays");
     saga_cloud_turn(cloud, 2);
     list_attributes(&g);
@@ -237,7 +235,12 @@ static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
 }
 
 const saga_cloud_format saga_glb_format = {
-    "glTF", ".glb", "floats, by KHR_gaussian_splatting; "
+    "glTF",
+    ".glb",
+    "floats, by KHR_gaussian_splatting; "
     "KHR_gaussian_splatting_compression_spz_2 is read, too",
-    saga_is_glb, saga_glb_read, write_glb, { .log_scale = { 0 } }
+    saga_is_glb,
+    saga_glb_read,
+    write_glb,
+    { .log_scale = { 0 } }
 };

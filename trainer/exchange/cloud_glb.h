@@ -12,9 +12,14 @@
 #include "cloud_files.h"
 
 enum {
-    GLB_MAGIC = 0x46546c67, GLB_VERSION = 2, GLB_HEADER_NBYTES = 12,
-    GLB_JSON = 0x4e4f534a, GLB_BIN = 0x004e4942, /* the chunks' types */
-    GLB_FLOAT = 5126, GLB_POINTS = 0, GLB_NAME_NBYTES = 64
+    GLB_MAGIC = 0x46546c67,
+    GLB_VERSION = 2,
+    GLB_HEADER_NBYTES = 12,
+    GLB_JSON = 0x4e4f534a,
+    GLB_BIN = 0x004e4942, /* the chunks' types */
+    GLB_FLOAT = 5126,
+    GLB_POINTS = 0,
+    GLB_NAME_NBYTES = 64
 };
 
 #define GLB_SPLATS "KHR_gaussian_splatting"
@@ -31,7 +36,7 @@ bool saga_is_glb(const saga_bytes *bytes);
 
 /* Reads the file's only primitive of splats, which may be compressed as SPZ
  * (KHR_gaussian_splatting_compression_spz_2). */
-bool saga_glb_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error);
+bool saga_glb_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error);
 
 #endif

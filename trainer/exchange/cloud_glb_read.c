@@ -14,7 +14,7 @@
 typedef struct {
     const char *path;
     json_t *root;
-    saga_bytes bin;          /* the binary chunk, inside the file's bytes */
+    saga_bytes bin; /* the binary chunk, inside the file's bytes */
     const json_t *primitive, *splats; /* its primitive of splats, and that
                                        * primitive's extension */
     saga_error *error;
@@ -91,8 +91,8 @@ static json_int_t find_primitive(glb *g)
     int n = 0;
 
     for (json_int_t i = 0; item(g, "meshes", i); i++) {
-        const json_t *const list =
-            json_object_get(item(g, "meshes", i), "primitives");
+        const json_t *const list = json_object_get(item(g, "meshes", i),
+                                                   "primitives");
 
         /* The last one found is kept; it counts only if it is the only one. */
         for (size_t k = 0; k < json_array_size(list); k++) {
@@ -108,8 +108,8 @@ static json_int_t find_primitive(glb *g)
     }
     if (n == 1)
         return mesh;
-    saga_fail(g->error, g->path, "export it with one", "has %d primitives with "
-              GLB_SPLATS, n);
+    saga_fail(g->error, g->path, "export it with one",
+              "has %d primitives with " GLB_SPLATS, n);
     return -1;
 }
 
@@ -127,9 +127,8 @@ static bool is_placed(const json_t *node)
 {
     static const double none[16], one[16] = { 1, 1, 1 };
     static const double unit[16] = { 0, 0, 0, 1 };
-    static const double matrix[16] = {
-        1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
-    };
+    static const double matrix[16] = { 1, 0, 0, 0, 0, 1, 0, 0,
+                                       0, 0, 1, 0, 0, 0, 0, 1 };
 
     return !is_neutral(json_object_get(node, "translation"), none) ||
            !is_neutral(json_object_get(node, "scale"), one) ||
@@ -140,8 +139,8 @@ static bool is_placed(const json_t *node)
 static json_int_t parent_of(const glb *g, json_int_t child)
 {
     for (json_int_t i = 0; item(g, "nodes", i); i++) {
-        const json_t *const list =
-            json_object_get(item(g, "nodes", i), "children");
+        const json_t *const list = json_object_get(item(g, "nodes", i),
+                                                   "children");
 
         for (size_t k = 0; k < json_array_size(list); k++)
             if (json_integer_value(json_array_get(list, k)) == child)
@@ -157,8 +156,8 @@ static bool check_nodes(const glb *g, json_int_t mesh)
     const size_t n = json_array_size(json_object_get(g->root, "nodes"));
     json_int_t at = 0;
 
-    while (item(g, "nodes", at) && integer(item(g, "nodes", at), "mesh") !=
-           mesh)
+    while (item(g, "nodes", at) &&
+           integer(item(g, "nodes", at), "mesh") != mesh)
         at++;
     /* Walks towards the root, for at most n nodes, since a bad file may have a
      * cycle. */
@@ -174,8 +173,8 @@ static bool check_nodes(const glb *g, json_int_t mesh)
 
 static bool check_splats(const glb *g)
 {
-    const char *const space =
-        json_string_value(json_object_get(g->splats, "colorSpace"));
+    const char *const space = json_string_value(
+        json_object_get(g->splats, "colorSpace"));
 
     return !space || strcmp(space, GLB_COLOUR_SPACE) == 0 ||
            saga_fail(g->error, g->path, "convert them to " GLB_COLOUR_SPACE,
@@ -188,11 +187,11 @@ static bool check_splats(const glb *g)
 typedef struct {
     const uint8_t *data;
     size_t n, stride;
-    int n_components, size;  /* components of an element; bytes of a
-                              * component */
+    int n_components, size; /* components of an element; bytes of a
+                             * component */
     bool is_signed, is_float;
-    double unit;             /* the integer that stands for 1; 1 if integers
-                              * stand for themselves */
+    double unit; /* the integer that stands for 1; 1 if integers
+                  * stand for themselves */
 } accessor;
 
 /* Finds the bytes of a buffer view. */
@@ -209,7 +208,8 @@ static bool find_view(const uint8_t **data, size_t *nbytes, const glb *g,
         (size_t)at > g->bin.nbytes || (size_t)n > g->bin.nbytes - (size_t)at)
         return saga_fail(g->error, g->path, "save it as one .glb file",
                          "buffer view %d is not within its binary chunk of "
-                         "%zu bytes", (int)index, g->bin.nbytes);
+                         "%zu bytes",
+                         (int)index, g->bin.nbytes);
     *data = g->bin.data + at;
     *nbytes = (size_t)n;
     return true;
@@ -222,11 +222,11 @@ static bool set_type(accessor *a, const json_t *of)
         int size;
         bool is_signed, is_float;
         double most;
-    } types[] = {
-        { 5120, 1, true, false, 127 }, { 5121, 1, false, false, 255 },
-        { 5122, 2, true, false, 32767 }, { 5123, 2, false, false, 65535 },
-        { GLB_FLOAT, 4, true, true, 1 }
-    };
+    } types[] = { { 5120, 1, true, false, 127 },
+                  { 5121, 1, false, false, 255 },
+                  { 5122, 2, true, false, 32767 },
+                  { 5123, 2, false, false, 65535 },
+                  { GLB_FLOAT, 4, true, true, 1 } };
     const json_int_t type = integer(of, "componentType");
 
     /* Normalised integers are divided by the largest one. */
@@ -236,7 +236,8 @@ static bool set_type(accessor *a, const json_t *of)
             a->is_signed = types[i].is_signed;
             a->is_float = types[i].is_float;
             a->unit = json_is_true(json_object_get(of, "normalized"))
-                ? types[i].most : 1;
+                          ? types[i].most
+                          : 1;
             return true;
         }
     return false;
@@ -246,19 +247,22 @@ static int components_of(const json_t *of)
 {
     const char *const type = json_string_value(json_object_get(of, "type"));
 
-    return !type ? 0 : strcmp(type, "SCALAR") == 0 ? 1
-         : strcmp(type, "VEC3") == 0 ? 3 : strcmp(type, "VEC4") == 0 ? 4 : 0;
+    return !type                         ? 0
+           : strcmp(type, "SCALAR") == 0 ? 1
+           : strcmp(type, "VEC3") == 0   ? 3
+           : strcmp(type, "VEC4") == 0   ? 4
+                                         : 0;
 }
 
 /* Finds the array of a required attribute. */
 static bool find_accessor(accessor *a, const glb *g, const char *name,
                           int n_components)
 {
-    const json_int_t index =
-        integer(json_object_get(g->primitive, "attributes"), name);
+    const json_int_t index = integer(
+        json_object_get(g->primitive, "attributes"), name);
     const json_t *const of = item(g, "accessors", index);
-    const json_t *const view =
-        item(g, "bufferViews", integer(of, "bufferView"));
+    const json_t *const view = item(g, "bufferViews",
+                                    integer(of, "bufferView"));
     const json_int_t n = integer(of, "count"), at = offset(of, "byteOffset");
     const json_int_t stride = offset(view, "byteStride");
     size_t nbytes, element;
@@ -269,8 +273,10 @@ static bool find_accessor(accessor *a, const glb *g, const char *name,
     if (!set_type(a, of) || components_of(of) != n_components ||
         json_object_get(of, "sparse") || !view || n < 0 || n > UINT32_MAX ||
         at < 0 || at > UINT32_MAX || stride < 0 || stride > 255)
-        return saga_fail(g->error, g->path, AGAIN, "%s has an unsupported "
-                         "form", name);
+        return saga_fail(g->error, g->path, AGAIN,
+                         "%s has an unsupported "
+                         "form",
+                         name);
     if (!find_view(&a->data, &nbytes, g, integer(of, "bufferView")))
         return false;
     /* The last element must end inside the view. */
@@ -279,8 +285,10 @@ static bool find_accessor(accessor *a, const glb *g, const char *name,
     element = (size_t)n_components * (size_t)a->size;
     a->stride = stride ? (size_t)stride : element;
     if (a->n && (uint64_t)at + (a->n - 1) * a->stride + element > nbytes)
-        return saga_fail(g->error, g->path, "copy it again", "%s announces %zu "
-                         "elements, but has %zu bytes", name, a->n, nbytes);
+        return saga_fail(g->error, g->path, "copy it again",
+                         "%s announces %zu "
+                         "elements, but has %zu bytes",
+                         name, a->n, nbytes);
     a->data += at;
     return true;
 }
@@ -312,8 +320,14 @@ static int degree_of(const glb *g)
     return degree - 1 < SAGA_MAX_DEGREE ? degree - 1 : SAGA_MAX_DEGREE;
 }
 
-enum { MEAN, ROTATION, SCALE, OPACITY, COLOUR,
-       N_ARRAYS = COLOUR + SAGA_MAX_HARMONICS };
+enum {
+    MEAN,
+    ROTATION,
+    SCALE,
+    OPACITY,
+    COLOUR,
+    N_ARRAYS = COLOUR + SAGA_MAX_HARMONICS
+};
 
 static bool find_arrays(accessor a[N_ARRAYS], const glb *g, int degree)
 {
@@ -330,9 +344,10 @@ static bool find_arrays(accessor a[N_ARRAYS], const glb *g, int degree)
             ok = find_accessor(&a[n], g, name, 3);
         }
     for (int i = 0; i < n && ok; i++)
-        ok = a[i].n == a[MEAN].n ||
-             saga_fail(g->error, g->path, AGAIN, "has %zu positions, but %zu "
-                       "elements of another attribute", a[MEAN].n, a[i].n);
+        ok = a[i].n == a[MEAN].n || saga_fail(g->error, g->path, AGAIN,
+                                              "has %zu positions, but %zu "
+                                              "elements of another attribute",
+                                              a[MEAN].n, a[i].n);
     return ok;
 }
 
@@ -342,17 +357,16 @@ static void take_splat(saga_cloud *cloud, size_t i, const accessor *a)
 
     for (int k = 0; k < 3; k++) {
         cloud->mean[3 * i + (size_t)k] = (float)value_of(&a[MEAN], i, k);
-        cloud->log_scale[3 * i + (size_t)k] =
-            (float)value_of(&a[SCALE], i, k);
+        cloud->log_scale[3 * i + (size_t)k] = (float)value_of(&a[SCALE], i, k);
     }
     /* glTF stores the real part last. */
     for (int k = 0; k < 4; k++)
-        cloud->quat[4 * i + (size_t)((k + 1) % 4)] =
-            (float)value_of(&a[ROTATION], i, k);
+        cloud->quat[4 * i + (size_t)((k + 1) % 4)] = (float)value_of(
+            &a[ROTATION], i, k);
     cloud->logit[i] = (float)value_of(&a[OPACITY], i, 0);
     for (size_t k = 0; k < each; k++)
-        cloud->colour[each * i + k] =
-            (float)value_of(&a[COLOUR + k / 3], i, (int)(k % 3));
+        cloud->colour[each * i + k] = (float)value_of(&a[COLOUR + k / 3], i,
+                                                      (int)(k % 3));
 }
 
 static bool read_arrays(saga_cloud *cloud, const glb *g)
@@ -381,9 +395,9 @@ static bool read_packed(saga_cloud *cloud, const glb *g, const json_t *packed)
         return false;
     part.data = (uint8_t *)(uintptr_t)data;
     return saga_is_spz(&part)
-        ? saga_spz_read(cloud, &part, g->path, g->error)
-        : saga_fail(g->error, g->path, AGAIN, "has no SPZ where "
-                    SPZ_EXTENSION " says");
+               ? saga_spz_read(cloud, &part, g->path, g->error)
+               : saga_fail(g->error, g->path, AGAIN,
+                           "has no SPZ where " SPZ_EXTENSION " says");
 }
 
 bool saga_is_glb(const saga_bytes *bytes)
@@ -392,8 +406,8 @@ bool saga_is_glb(const saga_bytes *bytes)
            saga_load_le(bytes->data, 4) == GLB_MAGIC;
 }
 
-bool saga_glb_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error)
+bool saga_glb_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error)
 {
     glb g = { .path = path, .error = error };
     json_int_t mesh;

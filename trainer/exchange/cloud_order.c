@@ -40,10 +40,10 @@ static uint32_t key_of(const float x[3], const double least[3],
 
     for (int a = 0; a < 3; a++) {
         const double extent = most[a] - least[a];
-        const double part = extent > 0.0
-            ? ((double)x[a] - least[a]) / extent : 0.0;
-        const uint32_t step =
-            (uint32_t)fmin(part * (1 << AXIS_BITS), (1 << AXIS_BITS) - 1);
+        const double part = extent > 0.0 ? ((double)x[a] - least[a]) / extent
+                                         : 0.0;
+        const uint32_t step = (uint32_t)fmin(part * (1 << AXIS_BITS),
+                                             (1 << AXIS_BITS) - 1);
 
         for (int b = 0; b < AXIS_BITS; b++)
             key |= (step >> b & 1u) << (3 * b + a);

@@ -16,7 +16,7 @@
 /* A cloud that is written in another order. */
 typedef struct {
     const saga_cloud *cloud;
-    const uint32_t *order;   /* (n) indices of splats in the file's order */
+    const uint32_t *order; /* (n) indices of splats in the file's order */
     FILE *file;
 } writer;
 
@@ -30,8 +30,8 @@ static float rgb_of(const saga_cloud *c, size_t i, int a)
 {
     const size_t each = 3 * (size_t)saga_n_harmonics(c->degree);
 
-    return (float)(0.5 + SAGA_HARMONIC_0 *
-                         (double)c->colour[each * i + (size_t)a]);
+    return (float)(0.5 +
+                   SAGA_HARMONIC_0 * (double)c->colour[each * i + (size_t)a]);
 }
 
 static void widen(float range[2][3], int a, float v)
@@ -84,17 +84,23 @@ static void put_words(uint8_t **at, const saga_cloud *c, size_t i,
     const float *const x = c->mean + 3 * i;
     const double opacity = 1.0 / (1.0 + exp(-(double)c->logit[i]));
 
-    saga_put_le(at, part_of(x[0], r->mean, 0, 11) << 21 |
+    saga_put_le(at,
+                part_of(x[0], r->mean, 0, 11) << 21 |
                     part_of(x[1], r->mean, 1, 10) << 11 |
-                    part_of(x[2], r->mean, 2, 11), 4);
+                    part_of(x[2], r->mean, 2, 11),
+                4);
     saga_put_le(at, rotation_word(c->quat + 4 * i), 4);
-    saga_put_le(at, part_of(scale_of(c, i, 0), r->log_scale, 0, 11) << 21 |
+    saga_put_le(at,
+                part_of(scale_of(c, i, 0), r->log_scale, 0, 11) << 21 |
                     part_of(scale_of(c, i, 1), r->log_scale, 1, 10) << 11 |
-                    part_of(scale_of(c, i, 2), r->log_scale, 2, 11), 4);
-    saga_put_le(at, part_of(rgb_of(c, i, 0), r->rgb, 0, 8) << 24 |
+                    part_of(scale_of(c, i, 2), r->log_scale, 2, 11),
+                4);
+    saga_put_le(at,
+                part_of(rgb_of(c, i, 0), r->rgb, 0, 8) << 24 |
                     part_of(rgb_of(c, i, 1), r->rgb, 1, 8) << 16 |
                     part_of(rgb_of(c, i, 2), r->rgb, 2, 8) << 8 |
-                    (uint32_t)lrint(255.0 * opacity), 4);
+                    (uint32_t)lrint(255.0 * opacity),
+                4);
 }
 
 /* Writes the bytes of f_rest for splat i: red first, then green, then blue. */
@@ -107,8 +113,10 @@ static bool write_rest(const writer *w, size_t i)
     /* A step is 8/256; a byte stands for the middle of its step. */
     for (size_t c = 0; c < 3; c++)
         for (size_t k = 1; k < n; k++)
-            *at++ = (uint8_t)fmin(fmax(floor(
-                256.0 * ((double)colour[3 * k + c] / 8.0 + 0.5)), 0.0), 255.0);
+            *at++ = (uint8_t)fmin(
+                fmax(floor(256.0 * ((double)colour[3 * k + c] / 8.0 + 0.5)),
+                     0.0),
+                255.0);
     return fwrite(bytes, 1, (size_t)(at - bytes), w->file) ==
            (size_t)(at - bytes);
 }
@@ -145,8 +153,10 @@ static void write_header(const writer *w)
     const size_t n = w->cloud->n;
     const int n_rest = 3 * (saga_n_harmonics(w->cloud->degree) - 1);
 
-    fprintf(w->file, "ply\nformat binary_little_endian 1.0\n"
-            "element chunk %zu\n", (n + PACKED_CHUNK - 1) / PACKED_CHUNK);
+    fprintf(w->file,
+            "ply\nformat binary_little_endian 1.0\n"
+            "element chunk %zu\n",
+            (n + PACKED_CHUNK - 1) / PACKED_CHUNK);
     for (int k = 0; k < PACKED_COLUMNS; k++)
         fprintf(w->file, "property float %s\n", saga_packed_columns[k]);
     fprintf(w->file, "element vertex %zu\n", n);
@@ -174,8 +184,7 @@ static bool write_all(const writer *w)
     return ok;
 }
 
-static bool write_packed(const char *path, saga_cloud *cloud,
-                         saga_error *error)
+static bool write_packed(const char *path, saga_cloud *cloud, saga_error *error)
 {
     /* Neighbouring splats share a chunk, so that its ranges are small. */
     uint32_t *const order = saga_cloud_order(cloud, error);
@@ -192,8 +201,12 @@ static bool write_packed(const char *path, saga_cloud *cloud,
 }
 
 const saga_cloud_format saga_packed_format = {
-    "compressed PLY", ".compressed.ply", "10 and 11 bits within chunks of 256 "
+    "compressed PLY",
+    ".compressed.ply",
+    "10 and 11 bits within chunks of 256 "
     "splats, 8-bit colours and opacities, as PlayCanvas has it",
-    saga_is_packed, saga_packed_read, write_packed,
+    saga_is_packed,
+    saga_packed_read,
+    write_packed,
     { { -MOST_LOG_SCALE, MOST_LOG_SCALE }, 1e6f, 4 }
 };

@@ -20,7 +20,9 @@
 #include "cloud_files.h"
 
 enum {
-    PACKED_CHUNK = 256, PACKED_COLUMNS = 18, PACKED_WORDS = 4,
+    PACKED_CHUNK = 256,
+    PACKED_COLUMNS = 18,
+    PACKED_WORDS = 4,
     PACKED_MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1)
 };
 

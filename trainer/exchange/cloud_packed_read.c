@@ -5,10 +5,10 @@
 #include <string.h>
 
 const char *const saga_packed_columns[PACKED_COLUMNS] = {
-    "min_x", "min_y", "min_z", "max_x", "max_y", "max_z",
-    "min_scale_x", "min_scale_y", "min_scale_z",
-    "max_scale_x", "max_scale_y", "max_scale_z",
-    "min_r", "min_g", "min_b", "max_r", "max_g", "max_b"
+    "min_x",       "min_y",       "min_z",       "max_x",       "max_y",
+    "max_z",       "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x",
+    "max_scale_y", "max_scale_z", "min_r",       "min_g",       "min_b",
+    "max_r",       "max_g",       "max_b"
 };
 
 const char *const saga_packed_words[PACKED_WORDS] = {
@@ -22,7 +22,7 @@ enum { MOST_LINE = 128, NO_ELEMENT = 0, CHUNK, VERTEX, SH, N_ELEMENTS };
 typedef struct {
     uint64_t count[N_ELEMENTS];
     int n_columns[N_ELEMENTS];
-    int element;             /* the element whose properties follow */
+    int element; /* the element whose properties follow */
     bool is_binary;
 } header;
 
@@ -55,8 +55,9 @@ static bool take_property(header *h, const char *type, const char *name)
 
     (void)snprintf(rest, sizeof rest, "f_rest_%d", k);
     return k < most[e] && strcmp(type, types[e]) == 0 &&
-           strcmp(name, e == CHUNK ? saga_packed_columns[k]
-                        : e == VERTEX ? saga_packed_words[k] : rest) == 0;
+           strcmp(name, e == CHUNK    ? saga_packed_columns[k]
+                        : e == VERTEX ? saga_packed_words[k]
+                                      : rest) == 0;
 }
 
 static bool take_header_line(header *h, const char *line)
@@ -84,21 +85,26 @@ static bool check_header(const header *h, size_t left, const char *path,
     if (!h->is_binary || h->n_columns[VERTEX] != PACKED_WORDS ||
         (ranges != PACKED_COLUMNS && ranges != PACKED_COLUMNS - 6) ||
         saga_degree_of_rest(h->n_columns[SH]) < 0)
-        return saga_fail(error, path, "export it again", "lacks properties: "
+        return saga_fail(error, path, "export it again",
+                         "lacks properties: "
                          "has %d of a chunk, %d of a splat, %d of harmonics",
                          ranges, h->n_columns[VERTEX], h->n_columns[SH]);
     if (h->count[CHUNK] != (n + PACKED_CHUNK - 1) / PACKED_CHUNK ||
         (h->n_columns[SH] && h->count[SH] != n))
-        return saga_fail(error, path, "export it again", "has %llu splats, but "
+        return saga_fail(error, path, "export it again",
+                         "has %llu splats, but "
                          "%llu chunks of 256 and %llu rows of harmonics",
                          (unsigned long long)n,
                          (unsigned long long)h->count[CHUNK],
                          (unsigned long long)h->count[SH]);
     /* Counts are below 2^32, so the sum is below 2^40. */
     return h->count[CHUNK] * (uint64_t)(4 * ranges) +
-           n * (uint64_t)(4 * PACKED_WORDS + h->n_columns[SH]) <= left ||
-           saga_fail(error, path, "copy it again", "announces %llu splats, but "
-                     "has only %zu bytes left", (unsigned long long)n, left);
+                   n * (uint64_t)(4 * PACKED_WORDS + h->n_columns[SH]) <=
+               left ||
+           saga_fail(error, path, "copy it again",
+                     "announces %llu splats, but "
+                     "has only %zu bytes left",
+                     (unsigned long long)n, left);
 }
 
 static bool take_header(header *h, saga_cursor *c, const char *path,
@@ -110,11 +116,13 @@ static bool take_header(header *h, saga_cursor *c, const char *path,
         if (strcmp(line, "end_header") == 0)
             return check_header(h, saga_left(c), path, error);
         if (!take_header_line(h, line))
-            return saga_fail(error, path, "export it again", "header line "
+            return saga_fail(error, path, "export it again",
+                             "header line "
                              "\"%.80s\" does not belong to a compressed PLY",
                              line);
     }
-    return saga_fail(error, path, "copy it again", "is cut short in its "
+    return saga_fail(error, path, "copy it again",
+                     "is cut short in its "
                      "header");
 }
 
@@ -128,8 +136,7 @@ typedef struct {
 
 static void load_ranges(packed_ranges *r, const arrays *from, size_t chunk)
 {
-    const uint8_t *const p =
-        from->ranges + 4 * (size_t)from->n_columns * chunk;
+    const uint8_t *const p = from->ranges + 4 * (size_t)from->n_columns * chunk;
 
     *r = (packed_ranges){ .rgb = { { 0, 0, 0 }, { 1, 1, 1 } } };
     for (int k = 0; k < 6; k++) {
@@ -160,9 +167,8 @@ static void load_vector(float v[3], uint32_t word, const float range[2][3])
 
 static void load_rotation(float q[4], uint32_t word)
 {
-    const uint32_t code[3] = {
-        word >> 20 & 1023, word >> 10 & 1023, word & 1023
-    };
+    const uint32_t code[3] = { word >> 20 & 1023, word >> 10 & 1023,
+                               word & 1023 };
 
     saga_quat_decode(q, (int)(word >> 30), code, 1023.0);
 }
@@ -194,7 +200,8 @@ static void take_splat(saga_cloud *cloud, size_t i, const arrays *from,
     for (int c = 0; c < 3; c++)
         colour[c] = (float)(((double)value_of(word[3], 24 - 8 * c, 8,
                                               r->rgb[0][c], r->rgb[1][c]) -
-                             0.5) / SAGA_HARMONIC_0);
+                             0.5) /
+                            SAGA_HARMONIC_0);
     /* f_rest lists red first, then green, then blue. */
     for (size_t c = 0; c < 3; c++)
         for (size_t k = 1; k < n; k++)
@@ -215,7 +222,8 @@ bool saga_packed_read(saga_cloud *cloud, const saga_bytes *bytes,
     n = (size_t)h.count[VERTEX];
     /* The arrays follow the header without gaps. */
     from = (arrays){ .n_columns = h.n_columns[CHUNK],
-                     .n_rest = h.n_columns[SH], .ranges = c.next };
+                     .n_rest = h.n_columns[SH],
+                     .ranges = c.next };
     from.words = from.ranges + h.count[CHUNK] * (size_t)(4 * from.n_columns);
     from.rest = from.words + 4 * PACKED_WORDS * n;
     if (!saga_cloud_admit(cloud, n, saga_degree_of_rest(from.n_rest), path,

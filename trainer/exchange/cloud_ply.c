@@ -19,7 +19,8 @@ static void write_header(FILE *f, const saga_cloud *cloud)
 {
     const int n_rest = 3 * (saga_n_harmonics(cloud->degree) - 1);
 
-    fprintf(f, "ply\nformat binary_little_endian 1.0\nelement vertex %zu\n"
+    fprintf(f,
+            "ply\nformat binary_little_endian 1.0\nelement vertex %zu\n"
             "property float x\nproperty float y\nproperty float z\n"
             "property float nx\nproperty float ny\nproperty float nz\n",
             cloud->n);
@@ -81,20 +82,29 @@ static bool write_ply(const char *path, saga_cloud *cloud, saga_error *error)
 
 /* --- Reading ------------------------------------------------------------- */
 
-enum { X, Y, Z, DC, OPACITY = DC + 3, SCALE, ROT = SCALE + 3, REST = ROT + 4,
-       MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1), N_COLUMNS = REST + MOST_REST };
+enum {
+    X,
+    Y,
+    Z,
+    DC,
+    OPACITY = DC + 3,
+    SCALE,
+    ROT = SCALE + 3,
+    REST = ROT + 4,
+    MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1),
+    N_COLUMNS = REST + MOST_REST
+};
 
 /* Sets the names of the columns above. */
-static void name_columns(char text[N_COLUMNS][16],
-                         const char *name[N_COLUMNS])
+static void name_columns(char text[N_COLUMNS][16], const char *name[N_COLUMNS])
 {
     static const struct {
         const char *stem;
         int first, n;
-    } numbered[] = {
-        { "f_dc_", DC, 3 }, { "scale_", SCALE, 3 }, { "rot_", ROT, 4 },
-        { "f_rest_", REST, MOST_REST }
-    };
+    } numbered[] = { { "f_dc_", DC, 3 },
+                     { "scale_", SCALE, 3 },
+                     { "rot_", ROT, 4 },
+                     { "f_rest_", REST, MOST_REST } };
 
     (void)snprintf(text[X], sizeof text[X], "x");
     (void)snprintf(text[Y], sizeof text[Y], "y");
@@ -102,8 +112,8 @@ static void name_columns(char text[N_COLUMNS][16],
     (void)snprintf(text[OPACITY], sizeof text[OPACITY], "opacity");
     for (size_t k = 0; k < sizeof numbered / sizeof numbered[0]; k++)
         for (int i = 0; i < numbered[k].n; i++)
-            (void)snprintf(text[numbered[k].first + i], sizeof text[0],
-                           "%s%d", numbered[k].stem, i);
+            (void)snprintf(text[numbered[k].first + i], sizeof text[0], "%s%d",
+                           numbered[k].stem, i);
     for (int i = 0; i < N_COLUMNS; i++)
         name[i] = text[i];
 }
@@ -115,15 +125,17 @@ static bool find_degree(int *degree, const saga_ply *ply, saga_error *error)
 
     for (int i = 0; i < REST; i++)
         if (ply->field[i] < 0)
-            return saga_fail(error, ply->path, "export the splats as a PLY "
+            return saga_fail(error, ply->path,
+                             "export the splats as a PLY "
                              "with x y z, f_dc_*, opacity, scale_* and rot_*",
                              "its vertices have no %s", ply->names[i]);
     while (n < MOST_REST && ply->field[REST + n] >= 0)
         n++;
     *degree = saga_degree_of_rest(n);
-    return *degree >= 0 ||
-           saga_fail(error, ply->path, "take 0, 9, 24 or 45", "has %d values "
-                     "of f_rest", n);
+    return *degree >= 0 || saga_fail(error, ply->path, "take 0, 9, 24 or 45",
+                                     "has %d values "
+                                     "of f_rest",
+                                     n);
 }
 
 static void take_splat(saga_cloud *cloud, size_t i, const float *row)
@@ -173,7 +185,10 @@ static bool is_ply(const saga_bytes *bytes)
            (bytes->data[3] == '\n' || bytes->data[3] == '\r');
 }
 
-const saga_cloud_format saga_ply_format = {
-    "PLY", ".ply", "floats, as trainers write them", is_ply, read_ply,
-    write_ply, { .log_scale = { 0 } }
-};
+const saga_cloud_format saga_ply_format = { "PLY",
+                                            ".ply",
+                                            "floats, as trainers write them",
+                                            is_ply,
+                                            read_ply,
+                                            write_ply,
+                                            { .log_scale = { 0 } } };

@@ -22,9 +22,9 @@ enum { MOST_SAMPLES = 4096 };
 
 /* How many splats have a number that only the one kind can have. */
 typedef struct {
-    size_t negative;         /* scales */
-    size_t outside;          /* opacities that are not in 0..1 */
-    float least, most;       /* the range of the opacities */
+    size_t negative;   /* scales */
+    size_t outside;    /* opacities that are not in 0..1 */
+    float least, most; /* the range of the opacities */
 } tally;
 
 static tally count(const saga_cloud *c)
@@ -122,7 +122,8 @@ static float log_of(float length)
 static float logit_of(float opacity)
 {
     return opacity >= -SLACK && opacity <= 1.0f + SLACK
-        ? saga_cloud_logit((double)opacity) : NAN;
+               ? saga_cloud_logit((double)opacity)
+               : NAN;
 }
 
 void saga_cloud_settle(saga_cloud *c)

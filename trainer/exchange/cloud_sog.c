@@ -23,10 +23,10 @@ typedef struct {
 /* A cloud while its file is written. */
 typedef struct {
     const saga_cloud *cloud;
-    uint32_t *order;         /* (n) indices of splats in the file's order */
-    size_t width, height;    /* size of the pictures with a pixel per splat */
+    uint32_t *order;      /* (n) indices of splats in the file's order */
+    size_t width, height; /* size of the pictures with a pixel per splat */
     range mean[3], scale, sh0, rest;
-    uint8_t *rgba;           /* pixels of the current picture */
+    uint8_t *rgba; /* pixels of the current picture */
     saga_zip_out zip;
     const char *path;
     saga_error *error;
@@ -90,9 +90,8 @@ typedef void put_pixel_fn(uint8_t p[4], const writer *w, size_t i);
 static void put_low(uint8_t p[4], const writer *w, size_t i)
 {
     for (int a = 0; a < 3; a++)
-        p[a] = (uint8_t)code_of(&w->mean[a],
-                                kept(w->cloud->mean[3 * i + (size_t)a]),
-                                65535.0);
+        p[a] = (uint8_t)code_of(
+            &w->mean[a], kept(w->cloud->mean[3 * i + (size_t)a]), 65535.0);
 }
 
 static void put_high(uint8_t p[4], const writer *w, size_t i)
@@ -100,7 +99,8 @@ static void put_high(uint8_t p[4], const writer *w, size_t i)
     for (int a = 0; a < 3; a++)
         p[a] = (uint8_t)(code_of(&w->mean[a],
                                  kept(w->cloud->mean[3 * i + (size_t)a]),
-                                 65535.0) >> 8);
+                                 65535.0) >>
+                         8);
 }
 
 static void put_scale(uint8_t p[4], const writer *w, size_t i)
@@ -123,8 +123,7 @@ static void put_sh0(uint8_t p[4], const writer *w, size_t i)
 {
     for (size_t c = 0; c < 3; c++)
         p[c] = code(&w->sh0, w->cloud->colour[3 * (n_rest(w) + 1) * i + c]);
-    p[3] = (uint8_t)lrint(255.0 /
-                          (1.0 + exp(-(double)w->cloud->logit[i])));
+    p[3] = (uint8_t)lrint(255.0 / (1.0 + exp(-(double)w->cloud->logit[i])));
 }
 
 /* --- Pictures ------------------------------------------------------------ */
@@ -165,8 +164,8 @@ static bool add_palette(writer *w)
     memset(w->rgba, 0, 4 * width * height);
     for (size_t i = 0; i < w->cloud->n * n; i++) {
         const size_t splat = w->order[i / n], k = i % n + 1;
-        const float *const colour =
-            w->cloud->colour + 3 * ((n + 1) * splat + k);
+        const float *const colour = w->cloud->colour +
+                                    3 * ((n + 1) * splat + k);
 
         for (size_t c = 0; c < 3; c++)
             w->rgba[4 * i + c] = code(&w->rest, colour[c]);
@@ -193,8 +192,9 @@ static json_t *codebook(const range *r)
     json_t *const list = json_array();
 
     for (int k = 0; k < SOG_CODES; k++)
-        saga_json_append_item(list, json_real(
-            r->least + (r->most - r->least) * k / (SOG_CODES - 1)));
+        saga_json_append_item(
+            list,
+            json_real(r->least + (r->most - r->least) * k / (SOG_CODES - 1)));
     return list;
 }
 
@@ -202,21 +202,21 @@ static json_t *json_of(const writer *w)
 {
     const range *const m = w->mean;
     json_t *const meta = json_pack(
-        "{sis{ss}sIs{s[fff]s[fff]s[ss]}s{sos[s]}s{s[s]}s{sos[s]}}",
-        "version", SOG_VERSION, "asset", "generator", "saga export",
-        "count", (json_int_t)w->cloud->n, "means",
-        "mins", m[0].least, m[1].least, m[2].least,
-        "maxs", m[0].most, m[1].most, m[2].most,
-        "files", "means_l.webp", "means_u.webp",
-        "scales", "codebook", codebook(&w->scale), "files", "scales.webp",
-        "quats", "files", "quats.webp",
-        "sh0", "codebook", codebook(&w->sh0), "files", "sh0.webp");
+        "{sis{ss}sIs{s[fff]s[fff]s[ss]}s{sos[s]}s{s[s]}s{sos[s]}}", "version",
+        SOG_VERSION, "asset", "generator", "saga export", "count",
+        (json_int_t)w->cloud->n, "means", "mins", m[0].least, m[1].least,
+        m[2].least, "maxs", m[0].most, m[1].most, m[2].most, "files",
+        "means_l.webp", "means_u.webp", "scales", "codebook",
+        codebook(&w->scale), "files", "scales.webp", "quats", "files",
+        "quats.webp", "sh0", "codebook", codebook(&w->sh0), "files",
+        "sh0.webp");
 
     if (w->cloud->degree)
-        saga_json_set_value(meta, "shN", json_pack(
-            "{sIsisos[ss]}", "count", (json_int_t)w->cloud->n,
-            "bands", w->cloud->degree, "codebook", codebook(&w->rest),
-            "files", "shN_centroids.webp", "shN_labels.webp"));
+        saga_json_set_value(
+            meta, "shN",
+            json_pack("{sIsisos[ss]}", "count", (json_int_t)w->cloud->n,
+                      "bands", w->cloud->degree, "codebook", codebook(&w->rest),
+                      "files", "shN_centroids.webp", "shN_labels.webp"));
     return meta;
 }
 
@@ -231,9 +231,9 @@ static bool add_meta(writer *w)
     text = meta ? json_dumps(meta, JSON_COMPACT | JSON_REAL_PRECISION(9))
                 : NULL;
     ok = text && !saga_json_starved() && !saga_json_lost()
-        ? saga_zip_add(&w->zip, "meta.json", (const uint8_t *)text,
-                       strlen(text), w->error)
-        : saga_no_memory(0, w->path, w->error);
+             ? saga_zip_add(&w->zip, "meta.json", (const uint8_t *)text,
+                            strlen(text), w->error)
+             : saga_no_memory(0, w->path, w->error);
     free(text);
     json_decref(meta);
     return ok;
@@ -271,19 +271,22 @@ static bool write_sog(const char *path, saga_cloud *cloud, saga_error *error)
     bool ok;
 
     if (!cloud->n)
-        return saga_fail(error, path, "choose another frame", "no splat is "
+        return saga_fail(error, path, "choose another frame",
+                         "no splat is "
                          "visible, and SOG has no empty pictures");
     if (cloud->degree && cloud->n > SOG_MOST_ROWS)
-        return saga_fail(error, path, "give --sh 0", "SOG cannot hold the "
-                         "harmonics of %zu splats, only of %d", cloud->n,
-                         SOG_MOST_ROWS);
+        return saga_fail(error, path, "give --sh 0",
+                         "SOG cannot hold the "
+                         "harmonics of %zu splats, only of %d",
+                         cloud->n, SOG_MOST_ROWS);
     /* Pictures are square as far as possible. rgba also has room for the
      * palette with its last line. */
     w.width = (size_t)ceil(sqrt((double)cloud->n));
     w.height = (cloud->n + w.width - 1) / w.width;
     w.order = saga_cloud_order(cloud, error);
-    w.rgba = saga_alloc(w.width * w.height + (cloud->n + SOG_ROWS_ABREAST) *
-                        n_rest(&w), 4, path, error);
+    w.rgba = saga_alloc(w.width * w.height +
+                            (cloud->n + SOG_ROWS_ABREAST) * n_rest(&w),
+                        4, path, error);
     find_ranges(&w);
     ok = w.order && w.rgba && write_file(&w);
     free(w.order);
@@ -292,7 +295,12 @@ static bool write_sog(const char *path, saga_cloud *cloud, saga_error *error)
 }
 
 const saga_cloud_format saga_sog_format = {
-    "SOG", ".sog", "16-bit positions, all else 8 bits, in WebP pictures; "
+    "SOG",
+    ".sog",
+    "16-bit positions, all else 8 bits, in WebP pictures; "
     "meta.json beside its pictures is read, too",
-    saga_is_sog, saga_sog_read, write_sog, { .log_scale = { 0 } }
+    saga_is_sog,
+    saga_sog_read,
+    write_sog,
+    { .log_scale = { 0 } }
 };

@@ -25,15 +25,18 @@
 #include "cloud_files.h"
 
 enum {
-    SOG_VERSION = 2, SOG_CODES = 256, SOG_ROWS_ABREAST = 64,
-    SOG_MOST_ROWS = 65536, SOG_FIRST_MODE = 252
+    SOG_VERSION = 2,
+    SOG_CODES = 256,
+    SOG_ROWS_ABREAST = 64,
+    SOG_MOST_ROWS = 65536,
+    SOG_FIRST_MODE = 252
 };
 
 /* Tells whether the bytes are a ZIP archive, or a text that begins as JSON
  * does. */
 bool saga_is_sog(const saga_bytes *bytes);
 
-bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error);
+bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error);
 
 #endif

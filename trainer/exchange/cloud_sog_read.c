@@ -10,7 +10,7 @@
 #include <webp/decode.h>
 
 enum {
-    MOST_SPLATS = 1 << 28,   /* pixels of a WebP picture */
+    MOST_SPLATS = 1 << 28,     /* pixels of a WebP picture */
     MOST_META_NBYTES = 1 << 22 /* it has some thousand numbers */
 };
 
@@ -18,7 +18,7 @@ enum {
 
 /* A picture of the set, with pixels R, G, B, A. */
 typedef struct {
-    uint8_t *rgba;           /* released with WebPFree */
+    uint8_t *rgba; /* released with WebPFree */
     size_t width, height;
 } picture;
 
@@ -28,21 +28,20 @@ enum { MEANS_L, MEANS_U, SCALES, QUATS, SH0, CENTROIDS, LABELS, N_PICTURES };
 static const struct {
     const char *key;
     size_t index;
-} places[N_PICTURES] = {
-    { "means", 0 }, { "means", 1 }, { "scales", 0 }, { "quats", 0 },
-    { "sh0", 0 }, { "shN", 0 }, { "shN", 1 }
-};
+} places[N_PICTURES] = { { "means", 0 }, { "means", 1 }, { "scales", 0 },
+                         { "quats", 0 }, { "sh0", 0 },   { "shN", 0 },
+                         { "shN", 1 } };
 
 /* A SOG file, divided into its parts. */
 typedef struct {
     const char *path;
     saga_zip zip;
-    bool is_zip;             /* otherwise the pictures lie beside meta.json */
+    bool is_zip; /* otherwise the pictures lie beside meta.json */
     json_t *meta;
-    size_t n, n_rows;        /* number of splats; number of rows of the
-                              * palette */
+    size_t n, n_rows; /* number of splats; number of rows of the
+                       * palette */
     int degree;
-    size_t n_mended;         /* lists of codes that lacked their first number */
+    size_t n_mended; /* lists of codes that lacked their first number */
     double least[3], most[3]; /* range of the stored positions */
     double scale[SOG_CODES], sh0[SOG_CODES], rest[SOG_CODES];
     picture pictures[N_PICTURES];
@@ -74,16 +73,20 @@ static bool take_numbers(double *to, size_t n, sog *s, const char *key,
     const json_t *const list = entry(s, key, name);
 
     if (json_array_size(list) != n)
-        return saga_fail(s->error, s->path, AGAIN, "%s.%s has %zu numbers, not "
-                         "%zu", key, name, json_array_size(list), n);
+        return saga_fail(s->error, s->path, AGAIN,
+                         "%s.%s has %zu numbers, not "
+                         "%zu",
+                         key, name, json_array_size(list), n);
     for (size_t i = n; i-- > 0;) {
         const json_t *const item = json_array_get(list, i);
 
         if (json_is_number(item))
             to[i] = json_number_value(item);
         else if (i > 0 || !json_is_null(item) || !mend_codebook(to, n, s))
-            return saga_fail(s->error, s->path, AGAIN, "%s.%s[%zu] is not a "
-                             "number", key, name, i);
+            return saga_fail(s->error, s->path, AGAIN,
+                             "%s.%s[%zu] is not a "
+                             "number",
+                             key, name, i);
     }
     return true;
 }
@@ -97,8 +100,10 @@ static bool take_palette(sog *s)
     if (!json_object_get(s->meta, "shN"))
         return true;
     if (bands < 1 || bands > SAGA_MAX_DEGREE || n < 1 || n > SOG_MOST_ROWS)
-        return saga_fail(s->error, s->path, AGAIN, "has %d bands of harmonics "
-                         "and %d rows in their palette", (int)bands, (int)n);
+        return saga_fail(s->error, s->path, AGAIN,
+                         "has %d bands of harmonics "
+                         "and %d rows in their palette",
+                         (int)bands, (int)n);
     s->degree = (int)bands;
     s->n_rows = (size_t)n;
     return take_numbers(s->rest, SOG_CODES, s, "shN", "codebook");
@@ -106,18 +111,22 @@ static bool take_palette(sog *s)
 
 static bool take_meta(sog *s)
 {
-    const json_int_t version =
-        json_integer_value(json_object_get(s->meta, "version"));
+    const json_int_t version = json_integer_value(
+        json_object_get(s->meta, "version"));
     const json_t *const count = json_object_get(s->meta, "count");
     const json_int_t n = json_is_integer(count) ? json_integer_value(count)
                                                 : -1;
 
     if (version != SOG_VERSION)
-        return saga_fail(s->error, s->path, "save it as version 2", "is not "
-                         "SOG, or of version %d", (int)version);
+        return saga_fail(s->error, s->path, "save it as version 2",
+                         "is not "
+                         "SOG, or of version %d",
+                         (int)version);
     if (n < 0 || n > MOST_SPLATS)
-        return saga_fail(s->error, s->path, AGAIN, "has a count of splats that "
-                         "is no number of 0 to %d", MOST_SPLATS);
+        return saga_fail(s->error, s->path, AGAIN,
+                         "has a count of splats that "
+                         "is no number of 0 to %d",
+                         MOST_SPLATS);
     s->n = (size_t)n;
     return take_numbers(s->least, 3, s, "means", "mins") &&
            take_numbers(s->most, 3, s, "means", "maxs") &&
@@ -180,8 +189,10 @@ static bool decode(picture *p, const sog *s, const saga_bytes *bytes,
         return saga_fail(s->error, s->path, "save it as lossless WebP",
                          "%.200s is not a WebP picture", name);
     if ((size_t)width * (size_t)height > most_pixels(s))
-        return saga_fail(s->error, s->path, AGAIN, "%.200s has %dx%d pixels, "
-                         "for %zu splats", name, width, height, s->n);
+        return saga_fail(s->error, s->path, AGAIN,
+                         "%.200s has %dx%d pixels, "
+                         "for %zu splats",
+                         name, width, height, s->n);
     p->rgba = WebPDecodeRGBA(bytes->data, bytes->nbytes, &width, &height);
     p->width = (size_t)width;
     p->height = (size_t)height;
@@ -192,8 +203,8 @@ static bool decode(picture *p, const sog *s, const saga_bytes *bytes,
 static bool read_picture(sog *s, int i)
 {
     const json_t *const files = entry(s, places[i].key, "files");
-    const char *const name =
-        json_string_value(json_array_get(files, places[i].index));
+    const char *const name = json_string_value(
+        json_array_get(files, places[i].index));
     saga_bytes bytes;
     bool ok;
 
@@ -217,15 +228,16 @@ static bool check_size(const sog *s, int i)
     const picture *const p = &s->pictures[i];
     const size_t n_rest = (size_t)saga_n_harmonics(s->degree) - 1;
     const bool enough = i == CENTROIDS
-        ? p->width == SOG_ROWS_ABREAST * n_rest &&
-          p->height * SOG_ROWS_ABREAST >= s->n_rows
-        : p->width * p->height >= s->n;
+                            ? p->width == SOG_ROWS_ABREAST * n_rest &&
+                                  p->height * SOG_ROWS_ABREAST >= s->n_rows
+                            : p->width * p->height >= s->n;
 
-    return enough || saga_fail(s->error, s->path, "copy it again", "has %zux"
+    return enough || saga_fail(s->error, s->path, "copy it again",
+                               "has %zux"
                                "%zu pixels in picture %zu of %s, for %zu "
-                               "splats and %zu rows of a palette", p->width,
-                               p->height, places[i].index, places[i].key,
-                               s->n, s->n_rows);
+                               "splats and %zu rows of a palette",
+                               p->width, p->height, places[i].index,
+                               places[i].key, s->n, s->n_rows);
 }
 
 static bool read_pictures(sog *s)
@@ -248,8 +260,8 @@ static const uint8_t *pixel(const sog *s, int of, size_t i)
 static void take_position(float x[3], const sog *s, size_t i)
 {
     for (int a = 0; a < 3; a++) {
-        const double part = (pixel(s, MEANS_U, i)[a] << 8 |
-                             pixel(s, MEANS_L, i)[a]) / 65535.0;
+        const double part =
+            (pixel(s, MEANS_U, i)[a] << 8 | pixel(s, MEANS_L, i)[a]) / 65535.0;
         const double v = s->least[a] + part * (s->most[a] - s->least[a]);
 
         x[a] = (float)copysign(expm1(fabs(v)), v);
@@ -263,8 +275,10 @@ static bool take_rotation(float q[4], const sog *s, size_t i)
     const int largest = p[3] - SOG_FIRST_MODE;
 
     if (largest < 0)
-        return saga_fail(s->error, s->path, "copy it again", "the rotation of "
-                         "splat %zu has mode %d, not 252 to 255", i, p[3]);
+        return saga_fail(s->error, s->path, "copy it again",
+                         "the rotation of "
+                         "splat %zu has mode %d, not 252 to 255",
+                         i, p[3]);
     saga_quat_decode(q, largest, code, 255.0);
     return true;
 }
@@ -278,8 +292,10 @@ static bool take_rest(float *colour, const sog *s, size_t i)
                          row % SOG_ROWS_ABREAST * n_rest;
 
     if (row >= s->n_rows)
-        return saga_fail(s->error, s->path, "copy it again", "splat %zu has "
-                         "row %zu of a palette of %zu", i, row, s->n_rows);
+        return saga_fail(s->error, s->path, "copy it again",
+                         "splat %zu has "
+                         "row %zu of a palette of %zu",
+                         i, row, s->n_rows);
     for (size_t k = 0; k < n_rest; k++)
         for (size_t c = 0; c < 3; c++)
             colour[3 * (k + 1) + c] =
@@ -294,8 +310,7 @@ static bool take_splat(saga_cloud *cloud, size_t i, const sog *s)
 
     take_position(cloud->mean + 3 * i, s, i);
     for (size_t k = 0; k < 3; k++) {
-        cloud->log_scale[3 * i + k] =
-            (float)s->scale[pixel(s, SCALES, i)[k]];
+        cloud->log_scale[3 * i + k] = (float)s->scale[pixel(s, SCALES, i)[k]];
         colour[k] = (float)s->sh0[pixel(s, SH0, i)[k]];
     }
     cloud->logit[i] = saga_cloud_logit(pixel(s, SH0, i)[3] / 255.0);
@@ -322,8 +337,8 @@ bool saga_is_sog(const saga_bytes *bytes)
            (memcmp(p, "PK\3\4", 4) == 0 || p[bom] == '{');
 }
 
-bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error)
+bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error)
 {
     sog s = { .path = path, .error = error };
     const bool ok = open_meta(&s, bytes) &&

@@ -12,17 +12,17 @@
 
 enum {
     GZIPPED_VERSION = 3,
-    OPEN_VERSION = 4,        /* its header is not compressed */
-    ZSTD_LEVEL = 19,         /* the highest one with a window of at most 8 MB */
-    N_FIXED = 5,             /* arrays before the harmonics */
+    OPEN_VERSION = 4, /* its header is not compressed */
+    ZSTD_LEVEL = 19,  /* the highest one with a window of at most 8 MB */
+    N_FIXED = 5,      /* arrays before the harmonics */
     SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* coordinates get fraction bits up to
                                        * this number of bits in total */
-    POSITION_BITS = 23,      /* least number of fraction bits, if there is room:
-                              * other writers' number */
-    ENOUGH_BITS = 16,        /* wanted for a coordinate, if that */
-    FRACTION_BITS = 12,      /* is more than these fraction bits, which other
-                              * writers use */
-    MOST_FRACTION_BITS = 24  /* readers shift by the number of fraction bits */
+    POSITION_BITS = 23,     /* least number of fraction bits, if there is room:
+                             * other writers' number */
+    ENOUGH_BITS = 16,       /* wanted for a coordinate, if that */
+    FRACTION_BITS = 12,     /* is more than these fraction bits, which other
+                             * writers use */
+    MOST_FRACTION_BITS = 24 /* readers shift by the number of fraction bits */
 };
 
 static uint8_t byte_of(double x)
@@ -108,8 +108,9 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
         *(*at)++ = byte_of(255.0 / (1.0 + exp(-(double)cloud->logit[i])));
     for (size_t i = 0; i < cloud->n; i++)
         for (size_t c = 0; c < 3; c++)
-            *(*at)++ = byte_of(255.0 * (SPZ_COLOUR_PART * (double)cloud->colour[
-                each * i + c] + 0.5));
+            *(*at)++ = byte_of(
+                255.0 *
+                (SPZ_COLOUR_PART * (double)cloud->colour[each * i + c] + 0.5));
     for (size_t k = 0; k < 3 * cloud->n; k++)
         *(*at)++ = byte_of(16.0 * ((double)cloud->log_scale[k] + 10.0));
     for (size_t i = 0; i < cloud->n; i++)
@@ -122,8 +123,9 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
 
 static size_t raw_nbytes(const saga_cloud *cloud)
 {
-    return SPZ_HEADER_NBYTES + cloud->n * (size_t)(SPLAT_NBYTES +
-           3 * (saga_n_harmonics(cloud->degree) - 1));
+    return SPZ_HEADER_NBYTES +
+           cloud->n * (size_t)(SPLAT_NBYTES +
+                               3 * (saga_n_harmonics(cloud->degree) - 1));
 }
 
 static void put_head(uint8_t **at, const saga_cloud *cloud, int bits,
@@ -166,8 +168,7 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
 
     /* The window has 2^15 bytes; adding 16 selects gzip's header. zlib leaves
      * its name and time empty, so the file does not depend on them. */
-    if (deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 9, Z_DEFAULT_STRATEGY) !=
-        Z_OK)
+    if (deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 9, Z_DEFAULT_STRATEGY) != Z_OK)
         return saga_no_memory(0, path, error);
     room = deflateBound(&z, (uLong)n);
     packed = saga_alloc(room, 1, path, error);
@@ -247,14 +248,16 @@ static bool write_version(const char *path, saga_cloud *cloud, int version,
     bool ok;
 
     if (bits < 0)
-        return saga_fail(error, path, "write PLY", "SPZ cannot hold positions "
-                         "beyond 2^%d", POSITION_BITS);
+        return saga_fail(error, path, "write PLY",
+                         "SPZ cannot hold positions "
+                         "beyond 2^%d",
+                         POSITION_BITS);
     bytes = raw_bytes(cloud, bits, path, error);
     if (!bytes)
         return false;
     ok = version == OPEN_VERSION
-        ? write_streams(path, bytes, cloud, bits, error)
-        : write_gzip(path, bytes, raw_nbytes(cloud), error);
+             ? write_streams(path, bytes, cloud, bits, error)
+             : write_gzip(path, bytes, raw_nbytes(cloud), error);
     free(bytes);
     return ok;
 }
@@ -272,17 +275,29 @@ static bool write_open(const char *path, saga_cloud *cloud, saga_error *error)
 
 /* What bytes can hold: logarithms of scales in sixteenths from -10 on, and
  * coefficients. */
-#define SPZ_LIMITS { { -10, 255 / 16.0f - 10 }, \
-    (float)(0.5 / SPZ_COLOUR_PART), 1 }
+#define SPZ_LIMITS                                                   \
+    {                                                                \
+        { -10, 255 / 16.0f - 10 }, (float)(0.5 / SPZ_COLOUR_PART), 1 \
+    }
 
 const saga_cloud_format saga_spz_format = {
-    "SPZ", ".spz", "24-bit positions, 8-bit opacities, colours and scales, "
+    "SPZ",
+    ".spz",
+    "24-bit positions, 8-bit opacities, colours and scales, "
     "10-bit quaternions, gzipped; version 3 is written, 2 to 4 are read",
-    saga_is_spz, saga_spz_read, write_gzipped, SPZ_LIMITS
+    saga_is_spz,
+    saga_spz_read,
+    write_gzipped,
+    SPZ_LIMITS
 };
 
 const saga_cloud_format saga_spz4_format = {
-    "SPZ version 4", ".v4.spz", "the numbers of SPZ, in a zstd stream for each "
+    "SPZ version 4",
+    ".v4.spz",
+    "the numbers of SPZ, in a zstd stream for each "
     "attribute; fewer programs read it",
-    saga_is_spz, saga_spz_read, write_open, SPZ_LIMITS
+    saga_is_spz,
+    saga_spz_read,
+    write_open,
+    SPZ_LIMITS
 };

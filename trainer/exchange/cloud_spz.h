@@ -26,9 +26,10 @@
 #include "cloud_files.h"
 
 enum {
-    SPZ_MAGIC = 0x5053474e,  /* "NGSP" */
-    SPZ_HEADER_NBYTES = 16, SPZ_OPEN_HEADER_NBYTES = 32,
-    SPZ_QUAT_STEPS = 511     /* 9 bits of magnitude, besides a sign bit */
+    SPZ_MAGIC = 0x5053474e, /* "NGSP" */
+    SPZ_HEADER_NBYTES = 16,
+    SPZ_OPEN_HEADER_NBYTES = 32,
+    SPZ_QUAT_STEPS = 511 /* 9 bits of magnitude, besides a sign bit */
 };
 
 /* The factor of a colour's coefficient in its byte. It is smaller than Y_0, so
@@ -39,7 +40,7 @@ enum {
 bool saga_is_spz(const saga_bytes *bytes);
 
 /* Reads all splats of a file and turns them to the axes of PLY. */
-bool saga_spz_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error);
+bool saga_spz_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error);
 
 #endif

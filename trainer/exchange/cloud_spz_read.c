@@ -6,15 +6,16 @@
 #include <math.h>
 
 enum {
-    GZIP_0 = 0x1f, GZIP_1 = 0x8b,
+    GZIP_0 = 0x1f,
+    GZIP_1 = 0x8b,
     N_ARRAYS = 6,
-    MOST_DEGREE = 4,         /* highest degree in a file; harmonics above
-                              * SAGA_MAX_DEGREE are dropped */
-    HAS_EXTENSIONS = 2,      /* a flag */
+    MOST_DEGREE = 4,    /* highest degree in a file; harmonics above
+                         * SAGA_MAX_DEGREE are dropped */
+    HAS_EXTENSIONS = 2, /* a flag */
     COORDINATE_SYSTEM = (int)0xADBE0003, /* type of an extension */
     POSITION_BITS = 24,
-    AT_ONCE = 256,           /* splats of an array that are unpacked at once */
-    MOST_EACH = 3 * 24       /* bytes per splat: harmonics of degree 4 */
+    AT_ONCE = 256,     /* splats of an array that are unpacked at once */
+    MOST_EACH = 3 * 24 /* bytes per splat: harmonics of degree 4 */
 };
 
 /* The fields that both headers have, and the arrays that follow. */
@@ -22,10 +23,10 @@ typedef struct {
     uint32_t version, n;
     int degree, fraction_bits;
     unsigned flags;
-    size_t each[N_ARRAYS];   /* bytes per splat in each array */
+    size_t each[N_ARRAYS]; /* bytes per splat in each array */
     const char *path;
-    int axis;                /* around which half a turn gives the axes of PLY
-                              * (saga_cloud_turn); -1: it has them */
+    int axis; /* around which half a turn gives the axes of PLY
+               * (saga_cloud_turn); -1: it has them */
 } spz_head;
 
 enum { POSITION, OPACITY, COLOUR, SCALE, ROTATION, REST };
@@ -51,17 +52,21 @@ static bool take_head(spz_head *h, const uint8_t *p, saga_error *error)
                          "has harmonics of degree %d; 0 to %d are supported",
                          h->degree, MOST_DEGREE);
     return h->fraction_bits <= POSITION_BITS ||
-           saga_fail(error, h->path, "export it again", "says that %d bits of "
+           saga_fail(error, h->path, "export it again",
+                     "says that %d bits of "
                      "a position follow its point; a position has %d bits",
                      h->fraction_bits, POSITION_BITS);
 }
 
 static void find_arrays(spz_head *h)
 {
-    const size_t each[N_ARRAYS] = {
-        9, 1, 3, 3, h->version == 2 ? 3 : 4,
-        3 * ((size_t)saga_n_harmonics(h->degree) - 1)
-    };
+    const size_t each[N_ARRAYS] = { 9,
+                                    1,
+                                    3,
+                                    3,
+                                    h->version == 2 ? 3 : 4,
+                                    3 * ((size_t)saga_n_harmonics(h->degree) -
+                                         1) };
 
     memcpy(h->each, each, sizeof each);
 }
@@ -76,11 +81,13 @@ static bool admit(saga_cloud *cloud, const spz_head *h, saga_packing packing,
     for (int i = 0; i < N_ARRAYS; i++)
         nbytes += (uint64_t)h->each[i] * h->n;
     if (!saga_unpack_may(packing, packed_nbytes, nbytes))
-        return saga_fail(error, h->path, "copy it again", "announces %u "
-                         "splats, but has only %zu bytes", (unsigned)h->n,
-                         packed_nbytes);
-    return saga_cloud_admit(cloud, h->n, h->degree < SAGA_MAX_DEGREE
-                            ? h->degree : SAGA_MAX_DEGREE, h->path, error);
+        return saga_fail(error, h->path, "copy it again",
+                         "announces %u "
+                         "splats, but has only %zu bytes",
+                         (unsigned)h->n, packed_nbytes);
+    return saga_cloud_admit(
+        cloud, h->n, h->degree < SAGA_MAX_DEGREE ? h->degree : SAGA_MAX_DEGREE,
+        h->path, error);
 }
 
 /* --- Splats -------------------------------------------------------------- */
@@ -150,8 +157,7 @@ static void take_number(saga_cloud *cloud, size_t i, const spz_head *h,
     /* Positions, scales and colours have three components each. */
     for (size_t k = 0; k < 3; k++)
         if (array == POSITION)
-            cloud->mean[3 * i + k] =
-                load_position(p + 3 * k, h->fraction_bits);
+            cloud->mean[3 * i + k] = load_position(p + 3 * k, h->fraction_bits);
         else if (array == SCALE)
             cloud->log_scale[3 * i + k] = (float)(p[k] / 16.0 - 10.0);
         else
@@ -169,7 +175,8 @@ static bool set_axis(spz_head *h, uint64_t axes, saga_error *error)
     return h->axis >= 0 || axes == RDF ||
            saga_fail(error, h->path, "save it with axes right, up, back",
                      "has the axes number %u of SPZ_ADOBE_coordinate_system, "
-                     "of which 4, 6 and 7 are supported", (unsigned)axes);
+                     "of which 4, 6 and 7 are supported",
+                     (unsigned)axes);
 }
 
 /* --- Versions 2 and 3 ---------------------------------------------------- */
@@ -228,7 +235,8 @@ static bool read_all(saga_cloud *cloud, spz_head *h, saga_unpack *u,
     bool ok = true;
 
     if (saga_unpack_take(u, head, sizeof head) != sizeof head)
-        return saga_fail(error, h->path, "copy it again", "is cut short in its "
+        return saga_fail(error, h->path, "copy it again",
+                         "is cut short in its "
                          "header, or damaged");
     if (!take_head(h, head, error))
         return false;
@@ -240,8 +248,10 @@ static bool read_all(saga_cloud *cloud, spz_head *h, saga_unpack *u,
     /* Extensions follow the arrays and may tell the axes. */
     ok = ok && take_records(h, u, error);
     return (ok && saga_unpack_ended(u)) ||
-           saga_fail(error, h->path, "copy it again", "announces %u splats, "
-                     "but is cut short or damaged", (unsigned)h->n);
+           saga_fail(error, h->path, "copy it again",
+                     "announces %u splats, "
+                     "but is cut short or damaged",
+                     (unsigned)h->n);
 }
 
 static bool read_gzip(saga_cloud *cloud, spz_head *h, const saga_bytes *bytes,
@@ -305,7 +315,8 @@ static bool read_zstd(saga_cloud *cloud, spz_head *h, const saga_bytes *bytes,
     size_t at, table_nbytes;
 
     if (bytes->nbytes < SPZ_OPEN_HEADER_NBYTES)
-        return saga_fail(error, h->path, "copy it again", "is cut short in its "
+        return saga_fail(error, h->path, "copy it again",
+                         "is cut short in its "
                          "header");
     if (!take_head(h, p, error))
         return false;
@@ -315,19 +326,21 @@ static bool read_zstd(saga_cloud *cloud, spz_head *h, const saga_bytes *bytes,
     at = (size_t)saga_load_le(p + 16, 4);
     if (at < SPZ_OPEN_HEADER_NBYTES || at > bytes->nbytes ||
         table_nbytes > bytes->nbytes - at)
-        return saga_fail(error, h->path, "copy it again", "has its table of %u "
-                         "streams at byte %zu of %zu", p[15], at,
-                         bytes->nbytes);
+        return saga_fail(error, h->path, "copy it again",
+                         "has its table of %u "
+                         "streams at byte %zu of %zu",
+                         p[15], at, bytes->nbytes);
     if (!admit(cloud, h, SAGA_ZSTD, bytes->nbytes, error))
         return false;
     if (!read_streams(cloud, h,
                       (saga_cursor){ p + at, p + at + table_nbytes, false },
                       (saga_cursor){ p + at + table_nbytes, end, false }))
-        return saga_fail(error, h->path, "copy it again", "announces %u "
+        return saga_fail(error, h->path, "copy it again",
+                         "announces %u "
                          "splats, but its streams are cut short or damaged",
                          (unsigned)h->n);
-    return find_axis(h, (saga_cursor){ p + SPZ_OPEN_HEADER_NBYTES, p + at,
-                                       false }, error);
+    return find_axis(
+        h, (saga_cursor){ p + SPZ_OPEN_HEADER_NBYTES, p + at, false }, error);
 }
 
 /* --- The file ------------------------------------------------------------ */
@@ -340,8 +353,8 @@ bool saga_is_spz(const saga_bytes *bytes)
                                   saga_load_le(p, 4) == SPZ_MAGIC);
 }
 
-bool saga_spz_read(saga_cloud *cloud, const saga_bytes *bytes,
-                   const char *path, saga_error *error)
+bool saga_spz_read(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
+                   saga_error *error)
 {
     spz_head h = { .path = path };
 

@@ -48,8 +48,10 @@ static int judge_numbers(const saga_cloud *c, size_t i)
         !are_sound(c->colour + each * i, each) || isnan(c->logit[i]))
         return SAGA_FACT_BROKEN;
     return are_zero(c->mean + 3 * i, 3) && are_zero(c->quat + 4 * i, 4) &&
-           are_zero(c->log_scale + 3 * i, 3) && are_zero(c->logit + i, 1)
-        ? SAGA_FACT_ZERO : KEEP;
+                   are_zero(c->log_scale + 3 * i, 3) &&
+                   are_zero(c->logit + i, 1)
+               ? SAGA_FACT_ZERO
+               : KEEP;
 }
 
 /* Judges logarithms of scales and logits of opacities. */
@@ -136,8 +138,8 @@ static int heavier(const void *a, const void *b)
     const weighted *const x = a, *const y = b;
 
     return x->weight < y->weight || x->weight > y->weight
-        ? (x->weight < y->weight) - (x->weight > y->weight)
-        : (x->index > y->index) - (x->index < y->index);
+               ? (x->weight < y->weight) - (x->weight > y->weight)
+               : (x->index > y->index) - (x->index < y->index);
 }
 
 static int earlier(const void *a, const void *b)

@@ -24,9 +24,9 @@ enum { N_SPHERE = 64, T_MID = 32768, FAR = 1 << 27, MOST_AWAY = 1 << 29 };
 typedef struct {
     saga_film *film;
     saga_colouring how;
-    saga_camera *rig;            /* (n_rig) */
+    saga_camera *rig; /* (n_rig) */
     uint32_t n_rig;
-    double square;               /* sum of squared errors seen from the rig */
+    double square; /* sum of squared errors seen from the rig */
     uint64_t n_squares;
 } fit;
 
@@ -131,7 +131,7 @@ static void add(normal *e, int n, const double *y, const double c[3],
  * included. */
 static void solve(normal *e, int n)
 {
-    double (*const m)[SAGA_MAX_HARMONICS] = e->matrix;
+    double(*const m)[SAGA_MAX_HARMONICS] = e->matrix;
 
     /* matrix = L L^T; L replaces the matrix. */
     for (int j = 0; j < n; j++)
@@ -211,8 +211,9 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
 static void bake_one(float *to, const fit *f, uint32_t index)
 {
     static const int32_t anywhere[3] = { 0, 0, 0 };
-    const int32_t *const from =
-        f->how.camera >= 0 ? f->rig[f->how.camera].centre : anywhere;
+    const int32_t *const from = f->how.camera >= 0
+                                    ? f->rig[f->how.camera].centre
+                                    : anywhere;
     double c[3];
 
     colour_at(c, f->film, index, from);
@@ -294,8 +295,7 @@ static void set_quat(float q[4], const int32_t v[4])
 static float logit_of(int32_t q0_q20)
 {
     /* With p = 2^-q the opacity, logit p = -ln(1/p - 1) = -ln(2^q - 1). */
-    const double q =
-        fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
+    const double q = fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
 
     return (float)-log(expm1(q * LN2));
 }
@@ -322,9 +322,9 @@ static double widening(int32_t q0_q20, uint32_t tools)
     /* The tail is the integral of the steep profile from s = u - 1 on. Since
      * s + s^2 / 2 = (s + 1)^2 / 2 - 1/2, it is P 2^(1/2) times the integral of
      * 2^(-v^2 / 2) over v = s + 1 from u to infinity. */
-    return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
-                                      sqrt(M_PI / (2.0 * LN2)) *
-                                      erfc(u * sqrt(LN2 / 2.0))));
+    return 0.5 * log(LN2 * (u - 1.0 +
+                            exp2(peak + 0.5) * sqrt(M_PI / (2.0 * LN2)) *
+                                erfc(u * sqrt(LN2 / 2.0))));
 }
 
 static void set_splat(saga_cloud *cloud, const saga_film *film,
@@ -338,11 +338,11 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
     /* Positions in box units become the capture's units; log2 scales in Q10
      * become natural logarithms. */
     for (size_t k = 0; k < 3; k++) {
-        cloud->mean[3 * i + k] =
-            (float)(metric->centre[k] + metric->unit * a->x[k]);
-        cloud->log_scale[3 * i + k] =
-            (float)(a->log2_scale_q10[k] / 1024.0 * LN2 + log(metric->unit) +
-                    wider);
+        cloud->mean[3 * i + k] = (float)(metric->centre[k] +
+                                         metric->unit * a->x[k]);
+        cloud->log_scale[3 * i + k] = (float)(a->log2_scale_q10[k] / 1024.0 *
+                                                  LN2 +
+                                              log(metric->unit) + wider);
     }
     set_quat(cloud->quat + 4 * i, a->quat);
     cloud->logit[i] = logit_of(a->q0_q20);

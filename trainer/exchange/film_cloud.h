@@ -16,20 +16,20 @@
  * depend on the view, both members are ignored, because degree 0 represents
  * them exactly. */
 typedef struct saga_colouring {
-    int camera;              /* the rig's camera whose colours are taken; -1:
-                              * fit harmonics */
-    int degree;              /* degree of the fitted harmonics, 0..3 */
+    int camera; /* the rig's camera whose colours are taken; -1:
+                 * fit harmonics */
+    int degree; /* degree of the fitted harmonics, 0..3 */
 } saga_colouring;
 
 /* The colours of one segment. They are the same for all of its frames, because
  * the decoder computes the direction of view for the middle of the segment. */
 typedef struct saga_film_colours {
-    int64_t segment;         /* the segment; -1: none yet */
+    int64_t segment; /* the segment; -1: none yet */
     int degree;
-    float *harmonics;        /* (primitives, harmonics, 3) */
-    double rms;              /* error of the fit in one channel, 0..1, seen from
-                              * the rig's cameras, over all primitives; 0 if
-                              * nothing was fitted */
+    float *harmonics; /* (primitives, harmonics, 3) */
+    double rms;       /* error of the fit in one channel, 0..1, seen from
+                       * the rig's cameras, over all primitives; 0 if
+                       * nothing was fitted */
 } saga_film_colours;
 
 /* Makes the cloud of frame `frame`, of all primitives that the decoder draws:

@@ -30,8 +30,7 @@ static bool check_segments(const saga_layout *l, const char *name, size_t n,
 
 static size_t chunk_nbytes(const saga_recording *take)
 {
-    return take->ogg ? SAGA_CHUNK_NBYTES + SAGA_SOUND_NBYTES + take->nbytes
-                     : 0;
+    return take->ogg ? SAGA_CHUNK_NBYTES + SAGA_SOUND_NBYTES + take->nbytes : 0;
 }
 
 /* Moves the offsets of all segments in the index by a number of bytes. */
@@ -69,10 +68,10 @@ static void put_together(uint8_t *to, const saga_layout *l,
         memcpy(at, take->ogg, take->nbytes);
         at += take->nbytes;
     }
-    memcpy(at, film->data + l->sound_end,
-           film->nbytes - (size_t)l->sound_end);
-    move_index(to, l, (int64_t)chunk_nbytes(take) -
-                      (int64_t)(l->sound_end - l->sound_at));
+    memcpy(at, film->data + l->sound_end, film->nbytes - (size_t)l->sound_end);
+    move_index(to, l,
+               (int64_t)chunk_nbytes(take) -
+                   (int64_t)(l->sound_end - l->sound_at));
 }
 
 static bool check_take(const saga_recording *take, saga_error *error)

@@ -14,9 +14,9 @@
 
 /* An Ogg stream of Opus, and when it starts. */
 typedef struct saga_recording {
-    const uint8_t *ogg;      /* NULL: no sound */
+    const uint8_t *ogg; /* NULL: no sound */
     size_t nbytes;
-    int32_t start;           /* as in saga_sound of saga.h */
+    int32_t start; /* as in saga_sound of saga.h */
 } saga_recording;
 
 /* Sets *out to the file `name`, whose bytes are `film`, with the recording in

@@ -7,10 +7,12 @@
 #include <string.h>
 
 enum {
-    PAGE_NBYTES = 27,        /* size of a page's header without its lacing
-                              * table */
-    HEAD_NBYTES = 19,        /* least size of the packet OpusHead */
-    CONTINUED = 1, FIRST = 2, LAST = 4 /* flags of a page */
+    PAGE_NBYTES = 27, /* size of a page's header without its lacing
+                       * table */
+    HEAD_NBYTES = 19, /* least size of the packet OpusHead */
+    CONTINUED = 1,
+    FIRST = 2,
+    LAST = 4 /* flags of a page */
 };
 
 /* The state of a walk from page to page; `at` is the start of the next page. */
@@ -31,9 +33,12 @@ typedef struct {
 
 static bool bad(const walk *w, const char *what, saga_error *error)
 {
-    return saga_fail(error, w->name, "make it with opusenc, or with ffmpeg's "
-                     "-c:a libopus", "it is not a complete Ogg Opus stream: "
-                     "at byte %zu %s", w->at, what);
+    return saga_fail(error, w->name,
+                     "make it with opusenc, or with ffmpeg's "
+                     "-c:a libopus",
+                     "it is not a complete Ogg Opus stream: "
+                     "at byte %zu %s",
+                     w->at, what);
 }
 
 /* Returns the CRC of a page as Ogg defines it: polynomial 0x04c11db7, highest
@@ -125,9 +130,8 @@ static bool read_headers(saga_ogg_opus *opus, walk *w, saga_error *error)
 
     if (!next_page(&head, w, error))
         return false;
-    if (head.nbytes < HEAD_NBYTES ||
-        memcmp(head.payload, "OpusHead", 8) != 0 || head.payload[8] > 15 ||
-        head.payload[9] == 0)
+    if (head.nbytes < HEAD_NBYTES || memcmp(head.payload, "OpusHead", 8) != 0 ||
+        head.payload[8] > 15 || head.payload[9] == 0)
         return bad(w, "a header of Opus is missing", error);
     opus->n_channels = head.payload[9];
     opus->pre_skip = (uint32_t)saga_load_le(head.payload + 10, 2);

@@ -15,8 +15,8 @@ enum { SAGA_OPUS_RATE = 48000 }; /* samples a second, the clock of Opus */
 
 typedef struct saga_ogg_opus {
     uint32_t n_channels;
-    uint32_t pre_skip;       /* samples to discard at the beginning */
-    uint64_t n_samples;      /* samples of each channel after the pre-skip */
+    uint32_t pre_skip;  /* samples to discard at the beginning */
+    uint64_t n_samples; /* samples of each channel after the pre-skip */
 } saga_ogg_opus;
 
 /* Tells whether bytes[0..n) begin with an Ogg stream of Opus. */

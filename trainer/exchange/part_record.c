@@ -14,7 +14,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#define FORMAT "saga part 1\nsegments %" PRIu32 ":%" PRIu32 " of %" PRIu32 \
+#define FORMAT                                                  \
+    "saga part 1\nsegments %" PRIu32 ":%" PRIu32 " of %" PRIu32 \
     "\ntraining %08" PRIx32 "\nfile %08" PRIx32 "\n"
 
 enum { MOST_NBYTES = 200 };
@@ -37,8 +38,9 @@ static uint32_t training_of(const uint8_t *bytes, size_t n)
 
     if (saga_probe(&info, bytes, n) != SAGA_OK || info.head_nbytes > n)
         return 0;
-    return saga_crc32c(0, bytes + info.head_nbytes - info.base_nbytes -
-                          info.nets_nbytes, info.nets_nbytes);
+    return saga_crc32c(
+        0, bytes + info.head_nbytes - info.base_nbytes - info.nets_nbytes,
+        info.nets_nbytes);
 }
 
 bool saga_part_write(const char *file, const uint8_t *bytes, size_t n,
@@ -72,9 +74,10 @@ static bool parse(saga_part_record *r, uint32_t *crc, const char *text)
 {
     char again[MOST_NBYTES];
 
-    if (sscanf(text, "saga part 1 segments %9" SCNu32 ":%9" SCNu32 " of %9"
-               SCNu32 " training %8" SCNx32 " file %8" SCNx32, &r->first,
-               &r->end, &r->count, &r->training, crc) != 5)
+    if (sscanf(text,
+               "saga part 1 segments %9" SCNu32 ":%9" SCNu32 " of %9" SCNu32
+               " training %8" SCNx32 " file %8" SCNx32,
+               &r->first, &r->end, &r->count, &r->training, crc) != 5)
         return false;
     snprintf(again, sizeof again, FORMAT, r->first, r->end, r->count,
              r->training, *crc);
@@ -82,8 +85,8 @@ static bool parse(saga_part_record *r, uint32_t *crc, const char *text)
            r->end <= r->count && r->count <= SAGA_MAX_SEGMENTS;
 }
 
-bool saga_part_read(saga_part_record *r, const char *file,
-                    const uint8_t *bytes, size_t n, saga_error *error)
+bool saga_part_read(saga_part_record *r, const char *file, const uint8_t *bytes,
+                    size_t n, saga_error *error)
 {
     char *const path = record_of(file, error);
     saga_bytes text = { NULL, 0 };
@@ -94,12 +97,16 @@ bool saga_part_read(saga_part_record *r, const char *file,
     if (ok && saga_path_is_file(path)) {
         ok = saga_read_file(&text, path, error) &&
              (parse(r, &crc, (const char *)text.data) ||
-              saga_fail(error, path, "train the part again", "is no record of "
+              saga_fail(error, path, "train the part again",
+                        "is no record of "
                         "a part"));
         ok = ok && (crc == saga_crc32c(0, bytes, n) ||
-                    saga_fail(error, path, "train the part again, or delete "
-                              "the record", "is the record of another file "
-                              "than %s", file));
+                    saga_fail(error, path,
+                              "train the part again, or delete "
+                              "the record",
+                              "is the record of another file "
+                              "than %s",
+                              file));
     }
     saga_bytes_free(&text);
     free(path);
@@ -136,9 +143,12 @@ static bool read_all(recorded *r, int *n_recorded, saga_splice_part *part,
         without = r[i].record.count ? without : i;
     }
     return *n_recorded == 0 || *n_recorded == n_parts ||
-           saga_fail(error, part[without].name, "copy the record beside it, or "
-                     "join such files by themselves", "has no record %s.part, "
-                     "as other files have", part[without].name);
+           saga_fail(error, part[without].name,
+                     "copy the record beside it, or "
+                     "join such files by themselves",
+                     "has no record %s.part, "
+                     "as other files have",
+                     part[without].name);
 }
 
 static bool check_pair(const recorded *a, const recorded *b, saga_error *error)
@@ -146,15 +156,16 @@ static bool check_pair(const recorded *a, const recorded *b, saga_error *error)
     if (a->record.training != b->record.training ||
         a->record.count != b->record.count)
         return saga_fail(error, b->part.name, "join parts of one training",
-                         "is of another training than %s (%" PRIu32 " and %"
-                         PRIu32 " segments in all, networks %08" PRIx32
-                         " and %08" PRIx32 ")", a->part.name, b->record.count,
-                         a->record.count, b->record.training,
-                         a->record.training);
+                         "is of another training than %s (%" PRIu32
+                         " and %" PRIu32 " segments in all, networks %08" PRIx32
+                         " and %08" PRIx32 ")",
+                         a->part.name, b->record.count, a->record.count,
+                         b->record.training, a->record.training);
     return a->record.end <= b->record.first ||
-           saga_fail(error, b->part.name, "give each segment once", "holds "
-                     "segment %" PRIu32 ", as %s does", b->record.first,
-                     a->part.name);
+           saga_fail(error, b->part.name, "give each segment once",
+                     "holds "
+                     "segment %" PRIu32 ", as %s does",
+                     b->record.first, a->part.name);
 }
 
 /* Appends the segments a..b-1 to the text, which ends with "..." if it is too

@@ -15,10 +15,10 @@
 #include <stdint.h>
 
 typedef struct saga_part_record {
-    uint32_t first, end;         /* the file holds segments first..end-1 */
-    uint32_t count;              /* of so many; 0: there is no record */
-    uint32_t training;           /* digest of the networks, which all parts of
-                                  * a training share */
+    uint32_t first, end; /* the file holds segments first..end-1 */
+    uint32_t count;      /* of so many; 0: there is no record */
+    uint32_t training;   /* digest of the networks, which all parts of
+                          * a training share */
 } saga_part_record;
 
 /* Writes the record of a file whose bytes these are; r->training is set from
@@ -29,8 +29,8 @@ bool saga_part_write(const char *file, const uint8_t *bytes, size_t n,
 
 /* Reads the record of a file; r->count is 0 if there is none. Fails if it is no
  * record, or that of other bytes. */
-bool saga_part_read(saga_part_record *r, const char *file,
-                    const uint8_t *bytes, size_t n, saga_error *error);
+bool saga_part_read(saga_part_record *r, const char *file, const uint8_t *bytes,
+                    size_t n, saga_error *error);
 
 /* Removes a record that an earlier file of this name has left. */
 void saga_part_forget(const char *file);

@@ -17,17 +17,16 @@ typedef struct {
     const saga_splice_part *part;
     saga_header header;
     saga_layout layout;
-    uint32_t first, end;         /* numbers of segments; `end` is excluded */
+    uint32_t first, end; /* numbers of segments; `end` is excluded */
 } piece;
 
 /* The file that is written. The header's counts grow with every segment. */
 typedef struct {
     saga_header header;
     uint8_t *bytes;
-    size_t at;                   /* bytes written */
+    size_t at;                     /* bytes written */
     uint32_t n_segments, n_frames; /* written until now */
 } splice;
-
 
 /* Sets *segment to the segment that begins with a frame, or to n_segments if
  * the frame is the end of the file. Fails if a segment has the frame inside. */
@@ -43,11 +42,12 @@ static bool find_segment(uint32_t *segment, const piece *p, uint32_t frame,
     *segment = i;
     if (i == l->n_segments || l->segment[i].first_frame == frame)
         return true;
-    return saga_fail(error, p->part->name, "a segment is decoded as a whole: "
+    return saga_fail(error, p->part->name,
+                     "a segment is decoded as a whole: "
                      "begin and end where segments do",
                      "frame %" PRIu32 " is inside segment %" PRIu32 ", which "
-                     "is frames %" PRIu32 ":%" PRIu32, frame, i,
-                     l->segment[i].first_frame,
+                     "is frames %" PRIu32 ":%" PRIu32,
+                     frame, i, l->segment[i].first_frame,
                      l->segment[i].first_frame + l->segment[i].n_frames);
 }
 
@@ -60,7 +60,8 @@ static bool find_segments(piece *p, saga_error *error)
     if (part->first >= end || end > n_frames)
         return saga_fail(error, part->name, "give a range inside them",
                          "frames %" PRIu32 ":%" PRIu32 " are not among its "
-                         "%" PRIu32 " frames", part->first, end, n_frames);
+                         "%" PRIu32 " frames",
+                         part->first, end, n_frames);
     return find_segment(&p->first, p, part->first, error) &&
            find_segment(&p->end, p, end, error);
 }
@@ -70,10 +71,10 @@ static bool take_layers(piece *p, saga_error *error)
     const uint32_t wanted = p->part->n_layers;
 
     if (wanted > p->layout.n_layers)
-        return saga_fail(error, p->part->name, "take fewer", "number of its "
-                         "layers: %"
-                         PRIu32 "; asked for: %" PRIu32, p->layout.n_layers,
-                         wanted);
+        return saga_fail(error, p->part->name, "take fewer",
+                         "number of its "
+                         "layers: %" PRIu32 "; asked for: %" PRIu32,
+                         p->layout.n_layers, wanted);
     /* All code below that counts bytes or anchors reads the number of layers
      * from this header, so higher layers are left out everywhere. */
     if (wanted > 0)
@@ -136,7 +137,8 @@ static void model_bytes(uint8_t bytes[SAGA_HEADER_MAX_NBYTES],
                         const saga_header *from)
 {
     saga_io io = { NULL, bytes, 0 };
-    saga_header h = { .level = from->level, .model = from->model,
+    saga_header h = { .level = from->level,
+                      .model = from->model,
                       .more_layers = from->more_layers };
 
     /* Bytes that neither call below writes are 0, so that they compare
@@ -206,16 +208,18 @@ static bool check_same(const piece *a, const piece *b, saga_error *error)
     const saga_header *const h = &a->header, *const g = &b->header;
     const char *const what =
         h->fps_num != g->fps_num || h->fps_den != g->fps_den ? "frame rate"
-        : !same_cube(h, g) ? "cube (place or size of the scene)"
-        : !same_model(h, g) ? "model (level, tools, widths or formats)"
-        : !same_rig(a, b) ? "rig (the cameras)"
+        : !same_cube(h, g)     ? "cube (place or size of the scene)"
+        : !same_model(h, g)    ? "model (level, tools, widths or formats)"
+        : !same_rig(a, b)      ? "rig (the cameras)"
         : !same_networks(a, b) ? "networks"
         : (h->model.tools & SAGA_TOOL_BASE) && !same_base(a, b) ? "base"
-        : NULL;
+                                                                : NULL;
 
-    return !what || saga_fail(error, b->part->name, "join files that were cut "
-                              "from one encoding", "its %s differs from that "
-                                                   "of %s",
+    return !what || saga_fail(error, b->part->name,
+                              "join files that were cut "
+                              "from one encoding",
+                              "its %s differs from that "
+                              "of %s",
                               what, a->part->name);
 }
 
@@ -262,7 +266,8 @@ static bool count(saga_header *h, size_t *nbytes, const piece *p,
 
         if (h->n_segments == SAGA_MAX_SEGMENTS ||
             h->n_frames > UINT32_MAX - s->n_frames)
-            return saga_fail(error, p->part->name, "join fewer", "there are "
+            return saga_fail(error, p->part->name, "join fewer",
+                             "there are "
                              "more segments or frames than a file can have");
         h->n_segments++;
         h->n_frames += s->n_frames;
@@ -311,8 +316,7 @@ static void write_index(splice *s, const piece *p, int n_pieces)
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++) {
             const saga_layout_segment *const g = &p[k].layout.segment[i];
-            saga_index_entry e = { at, segment_nbytes(&p[k], i),
-                                   g->n_frames };
+            saga_index_entry e = { at, segment_nbytes(&p[k], i), g->n_frames };
             saga_io io = { NULL, s->bytes + s->at, 0 };
 
             saga_index_io(&io, &e);
@@ -356,8 +360,8 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     write_header(s, p);
     write_index(s, p, n_pieces);
     write_chunk_head(s, SAGA_CHUNK_NETS, s->header.nets_nbytes);
-    write_bytes(s, networks_of(p), s->header.nets_nbytes +
-                                   s->header.base_nbytes);
+    write_bytes(s, networks_of(p),
+                s->header.nets_nbytes + s->header.base_nbytes);
     write_bytes(s, cameras_of(p).bytes, cameras_of(p).n);
     write_bytes(s, sound_of(p, n_pieces).bytes, sound_of(p, n_pieces).n);
     for (int k = 0; k < n_pieces; k++)

@@ -16,11 +16,11 @@
 /* Frames first..end-1 of a file; segments must begin at `first` and end at
  * `end`. */
 typedef struct saga_splice_part {
-    const char *name;        /* name of the file, for messages */
-    const uint8_t *bytes;    /* the whole file; owned by the caller */
+    const char *name;     /* name of the file, for messages */
+    const uint8_t *bytes; /* the whole file; owned by the caller */
     size_t nbytes;
-    uint32_t first, end;     /* end 0: the end of the file */
-    uint32_t n_layers;       /* the layers 0..n_layers-1 are taken; 0: all */
+    uint32_t first, end; /* end 0: the end of the file */
+    uint32_t n_layers;   /* the layers 0..n_layers-1 are taken; 0: all */
 } saga_splice_part;
 
 /* Makes the file that shows n_parts >= 1 parts one after another. The caller

@@ -9,10 +9,14 @@
 #include <zlib.h>
 
 enum {
-    LOCAL = 0x04034b50, MEMBER = 0x02014b50, END = 0x06054b50,
-    LOCAL_NBYTES = 30, MEMBER_NBYTES = 46, END_NBYTES = 22,
-    NEEDED = 20,             /* version 2.0 of ZIP */
-    FIRST_DAY = 0x0021       /* 1980-01-01, ZIP's earliest date */
+    LOCAL = 0x04034b50,
+    MEMBER = 0x02014b50,
+    END = 0x06054b50,
+    LOCAL_NBYTES = 30,
+    MEMBER_NBYTES = 46,
+    END_NBYTES = 22,
+    NEEDED = 20,       /* version 2.0 of ZIP */
+    FIRST_DAY = 0x0021 /* 1980-01-01, ZIP's earliest date */
 };
 
 /* Writes the fields that a member's own header and its entry in the directory
@@ -88,8 +92,9 @@ bool saga_zip_end(saga_zip_out *zip, bool ok)
     saga_put_le(&at, (uint32_t)zip->n_members, 2);
     saga_put_le(&at, (uint32_t)zip->directory_nbytes, 4);
     saga_put_le(&at, (uint32_t)zip->nbytes, 4);
-    ok = ok && fwrite(zip->directory, 1, zip->directory_nbytes, zip->file) ==
-                   zip->directory_nbytes &&
+    ok = ok &&
+         fwrite(zip->directory, 1, zip->directory_nbytes, zip->file) ==
+             zip->directory_nbytes &&
          fwrite(end, 1, sizeof end, zip->file) == sizeof end;
     free(zip->directory);
     *zip = (saga_zip_out){ .file = NULL };

@@ -17,10 +17,10 @@
  * 0. */
 typedef struct saga_zip_out {
     FILE *file;
-    const char *path;        /* for messages */
+    const char *path; /* for messages */
     uint8_t *directory;
     size_t directory_nbytes, n_members;
-    uint64_t nbytes;         /* bytes written */
+    uint64_t nbytes; /* bytes written */
 } saga_zip_out;
 
 /* Adds a member. Fails if the archive would be larger than 2 GB. */

@@ -10,7 +10,7 @@ enum { MOST = SAGA_BD_MOST_POINTS };
 typedef struct {
     int n;
     double x[MOST], y[MOST];
-    double slope[MOST];      /* slopes at the points */
+    double slope[MOST]; /* slopes at the points */
 } spline;
 
 static int by_quality(const void *a, const void *b)
@@ -104,8 +104,8 @@ static void akima(spline *s)
         /* If the rises differ on neither side, all weights are 0: take the
          * plain mean. */
         s->slope[i] = right + left > 1e-9 * (fabs(m[i]) + fabs(m[i - 1]))
-            ? (right * m[i - 1] + left * m[i]) / (right + left)
-            : 0.5 * (m[i - 1] + m[i]);
+                          ? (right * m[i - 1] + left * m[i]) / (right + left)
+                          : 0.5 * (m[i - 1] + m[i]);
     }
 }
 
@@ -121,8 +121,8 @@ static double integral_of_piece(const spline *s, int i, double t)
     const double c = (3.0 * r - 2.0 * s->slope[i] - s->slope[i + 1]) / h;
     const double d = (s->slope[i] + s->slope[i + 1] - 2.0 * r) / (h * h);
 
-    return t * (s->y[i] + t * (s->slope[i] / 2.0 + t * (c / 3.0 +
-                                                         t * d / 4.0)));
+    return t *
+           (s->y[i] + t * (s->slope[i] / 2.0 + t * (c / 3.0 + t * d / 4.0)));
 }
 
 static double integral(const spline *s, double lo, double hi)

@@ -15,7 +15,7 @@ enum { SAGA_BD_LEAST_POINTS = 4, SAGA_BD_MOST_POINTS = 64 };
 #define SAGA_BD_LEAST_OVERLAP 0.25
 
 typedef struct saga_bd_point {
-    double nbytes, quality;  /* higher quality is better */
+    double nbytes, quality; /* higher quality is better */
 } saga_bd_point;
 
 /* A curve may list its points in any order. */
@@ -25,11 +25,11 @@ typedef struct saga_bd_curve {
 } saga_bd_curve;
 
 typedef struct saga_bd {
-    double pchip, akima;     /* percent more bytes than the reference; negative
-                              * is better */
-    double lo, hi;           /* the range of quality that both curves cover */
-    double overlap;          /* (hi - lo) / the wider curve's range */
-    const char *refused;     /* why there is no result; NULL if there is one */
+    double pchip, akima; /* percent more bytes than the reference; negative
+                          * is better */
+    double lo, hi;       /* the range of quality that both curves cover */
+    double overlap;      /* (hi - lo) / the wider curve's range */
+    const char *refused; /* why there is no result; NULL if there is one */
 } saga_bd;
 
 /* Compares a curve with a reference, the anchor. Curves are refused if they

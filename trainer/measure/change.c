@@ -37,7 +37,8 @@ static void median_block(uint8_t *median, const uint8_t *const *frame,
         /* An even number of frames has two middle values: take their mean,
          * halves up. */
         median[i] = (uint8_t)((value_at(count[i - begin], (n - 1) / 2) +
-                               value_at(count[i - begin], n / 2) + 1) / 2);
+                               value_at(count[i - begin], n / 2) + 1) /
+                              2);
 }
 
 void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
@@ -89,9 +90,9 @@ void saga_change_merge(saga_change *to, const saga_change *from)
 
 double saga_change_psnr(const saga_change *c)
 {
-    return c->n_changing ? saga_psnr((double)c->error /
-                                     (3.0 * (double)c->n_changing))
-                         : (double)NAN;
+    return c->n_changing
+               ? saga_psnr((double)c->error / (3.0 * (double)c->n_changing))
+               : (double)NAN;
 }
 
 double saga_change_share(const saga_change *c)

@@ -26,8 +26,8 @@ void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
 /* Sums over pictures: initialise with zeros, then add pictures. */
 typedef struct saga_change {
     uint64_t n_pixels, n_changing;
-    uint64_t error;          /* sum of squared errors over the changing pixels'
-                              * samples; stays below 2^63 for 2^45 pixels */
+    uint64_t error; /* sum of squared errors over the changing pixels'
+                     * samples; stays below 2^63 for 2^45 pixels */
 } saga_change;
 
 /* Adds a picture of n_pixels RGB pixels, as captured (truth) and as decoded. */

@@ -13,7 +13,7 @@
  * vectors. */
 enum {
     GROUP = SAGA_CONV_GROUP,
-    PANEL = 2 * VEC_LANES,   /* pixels whose sums are in registers */
+    PANEL = 2 * VEC_LANES, /* pixels whose sums are in registers */
     BLOCK = 64
 };
 
@@ -63,8 +63,8 @@ static void copy_run(float *to, const saga_conv *c, const saga_planes *in,
                      const int tap[3], const run *r)
 {
     const int y = r->y * c->stride + tap[1] - c->pad;
-    const float *const row = in->v + ((ptrdiff_t)tap[0] * in->height + y) *
-                             in->width;
+    const float *const row = in->v +
+                             ((ptrdiff_t)tap[0] * in->height + y) * in->width;
 
     for (int i = 0; i < r->n; i++) {
         const int x = (r->x + i) * c->stride + tap[2] - c->pad;
@@ -170,7 +170,7 @@ static int count(int side, int size, int stride)
 }
 
 /* Allocates the planes; leaves v NULL if they have no pixels. */
-static bool make(saga_planes *p, saga_error *error)
+static bool make_planes(saga_planes *p, saga_error *error)
 {
     const size_t n = (size_t)p->n * (size_t)p->height * (size_t)p->width;
 
@@ -186,11 +186,11 @@ bool saga_conv_run(saga_planes *out, const saga_conv *c, const saga_planes *in,
     float *columns;
 
     *out = (saga_planes){
-        .n = c->n_out, .height = count(in->height + 2 * c->pad, c->size,
-                                       c->stride),
+        .n = c->n_out,
+        .height = count(in->height + 2 * c->pad, c->size, c->stride),
         .width = count(in->width + 2 * c->pad, c->size, c->stride)
     };
-    if (!make(out, error) || !out->v)
+    if (!make_planes(out, error) || !out->v)
         return !saga_failed(error);
     columns = saga_alloc((size_t)n_threads * n_taps, BLOCK * sizeof *columns,
                          purpose, error);
@@ -211,8 +211,7 @@ bool saga_conv_run(saga_planes *out, const saga_conv *c, const saga_planes *in,
 
 /* --- Pooling ------------------------------------------------------------- */
 
-static float largest(const saga_planes *in, int plane, int y0, int x0,
-                     int size)
+static float largest(const saga_planes *in, int plane, int y0, int x0, int size)
 {
     const float *const p = in->v + (ptrdiff_t)plane * in->height * in->width;
     float most = p[y0 * in->width + x0];
@@ -232,7 +231,8 @@ static float largest(const saga_planes *in, int plane, int y0, int x0,
 static int count_pool(int side, int size, int stride, bool ceil)
 {
     return side < 1 ? 0
-        : count(side + (ceil && side >= size ? stride - 1 : 0), size, stride);
+                    : count(side + (ceil && side >= size ? stride - 1 : 0),
+                            size, stride);
 }
 
 bool saga_pool_max(saga_planes *out, const saga_planes *in, int size,
@@ -240,11 +240,10 @@ bool saga_pool_max(saga_planes *out, const saga_planes *in, int size,
 {
     float *to;
 
-    *out = (saga_planes){
-        .n = in->n, .height = count_pool(in->height, size, stride, ceil),
-        .width = count_pool(in->width, size, stride, ceil)
-    };
-    if (!make(out, error) || !out->v)
+    *out = (saga_planes){ .n = in->n,
+                          .height = count_pool(in->height, size, stride, ceil),
+                          .width = count_pool(in->width, size, stride, ceil) };
+    if (!make_planes(out, error) || !out->v)
         return !saga_failed(error);
     to = out->v;
     for (int p = 0; p < in->n; p++)

@@ -17,17 +17,17 @@ enum { SAGA_CONV_GROUP = 4 }; /* output planes computed together */
 /* Planes lie one after the other in v, which is released with free(). */
 typedef struct saga_planes {
     int n, height, width;
-    float *v;                /* (n, height, width) */
+    float *v; /* (n, height, width) */
 } saga_planes;
 
 /* A convolution's weights, in the order in which they are used. */
 typedef struct saga_conv {
-    int n_out, n_in, size;   /* size x size taps */
+    int n_out, n_in, size; /* size x size taps */
     int stride, pad;
-    float *weight;           /* (n_out / GROUP, n_in * size * size, GROUP), with
-                              * n_out rounded up to a multiple of GROUP and
-                              * padded with zeros */
-    float *bias;             /* (n_out) */
+    float *weight; /* (n_out / GROUP, n_in * size * size, GROUP), with
+                    * n_out rounded up to a multiple of GROUP and
+                    * padded with zeros */
+    float *bias;   /* (n_out) */
 } saga_conv;
 
 /* Packs weights (n_out, n_in, size, size) and biases (n_out), which are copied.

@@ -16,10 +16,10 @@
 
 /* Tolerances between a view and the rig's camera that it is taken for. */
 typedef struct tolerance {
-    double distance;         /* as a fraction of the cube's width */
+    double distance; /* as a fraction of the cube's width */
     double degrees;
-    double focal;            /* relative; scaling a picture may crop odd
-                              * sides */
+    double focal; /* relative; scaling a picture may crop odd
+                   * sides */
 } tolerance;
 
 static const tolerance unchanged = { 1e-4, 0.1, 0.01 };
@@ -45,25 +45,31 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
 
     if (first_frame >= 0 &&
         (uint64_t)first_frame + (uint64_t)capture->n_frames > i->n_frames)
-        return saga_fail(error, film->name, "give --compare a range within the "
+        return saga_fail(error, film->name,
+                         "give --compare a range within the "
                          "file",
                          "has %" PRIu32 " frames, compared would be %d:%d",
                          i->n_frames, first_frame,
                          first_frame + capture->n_frames);
     if (first_frame < 0 && (uint32_t)capture->n_frames != i->n_frames)
-        return saga_fail(error, film->name, "give the --frames A:B it was "
-                         "encoded with", "has %" PRIu32 " frames, the capture "
-                         "gives %d", i->n_frames, capture->n_frames);
+        return saga_fail(error, film->name,
+                         "give the --frames A:B it was "
+                         "encoded with",
+                         "has %" PRIu32 " frames, the capture "
+                         "gives %d",
+                         i->n_frames, capture->n_frames);
     /* The condition is negated so that a NaN rate is refused, too. */
     if (i->n_frames > 1 && !(fabs(capture->fps - rate) <= 1e-3 * rate))
-        return saga_fail(error, film->name, "give the capture it was made "
-                         "from", "has %g frames per second, the capture %g",
-                         rate, capture->fps);
+        return saga_fail(error, film->name,
+                         "give the capture it was made "
+                         "from",
+                         "has %g frames per second, the capture %g", rate,
+                         capture->fps);
     return true;
 }
 
 /* Returns the angle between the poses of two cameras, in degrees. */
-static double turn_between(const saga_shot *a, const saga_shot *b)
+static double turn_between(const saga_source_view *a, const saga_source_view *b)
 {
     double trace = 0.0, c;
 
@@ -76,12 +82,13 @@ static double turn_between(const saga_shot *a, const saga_shot *b)
     return acos(fmin(fmax(c, -1.0), 1.0)) * (180.0 / 3.14159265358979323846);
 }
 
-static double distance_between(const saga_shot *a, const saga_shot *b)
+static double distance_between(const saga_source_view *a,
+                               const saga_source_view *b)
 {
     double p[3], q[3];
 
-    saga_shot_centre(p, a);
-    saga_shot_centre(q, b);
+    saga_source_view_centre(p, a);
+    saga_source_view_centre(q, b);
     return distance3(p, q);
 }
 
@@ -94,31 +101,31 @@ typedef struct {
 
 /* Compares a view with camera `index` of the rig. If the file has no such
  * camera, the result's rig is -1. */
-static match compare(const saga_film *film, const saga_shot *shot,
+static match compare(const saga_film *film, const saga_source_view *view,
                      uint32_t index)
 {
-    saga_shot r = { .name = "" };
+    saga_source_view r = { .name = "" };
     saga_camera c;
     match m = { .rig = (int)index };
 
     if (saga_rig(&c, &m.number, film->bytes, film->nbytes, index))
         return (match){ .rig = -1 };
-    saga_shot_of_camera(&r, &film->metric, &c);
-    m.distance = distance_between(&r, shot);
-    m.degrees = turn_between(&r, shot);
+    saga_source_view_of_camera(&r, &film->metric, &c);
+    m.distance = distance_between(&r, view);
+    m.degrees = turn_between(&r, view);
     /* Focal lengths are relative to the picture's width, so that a scaled
      * capture still has the same cameras. */
-    m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
+    m.focal = fabs(view->fx / view->width * r.width / r.fx - 1.0);
     return m;
 }
 
-static match nearest(const saga_film *film, const saga_shot *shot)
+static match nearest(const saga_film *film, const saga_source_view *view)
 {
     match best = { -1, 0, 0.0, 0.0, 0.0 };
     double least = (double)INFINITY;
 
     for (uint32_t i = 0; i < film->info.n_cameras; i++) {
-        const match m = compare(film, shot, i);
+        const match m = compare(film, view, i);
         /* One distance for place and angle: a cube's width equals a quarter
          * turn. */
         const double far = m.distance / saga_metric_width(&film->metric) +
@@ -142,30 +149,32 @@ static bool is_same(const saga_film *film, const match *m,
 
 /* Finds the rig's camera that has the view's name and could be the view's,
  * refined. The result's rig is -1 if there is none. */
-static match namesake(const saga_film *film, const saga_shot *shot)
+static match namesake(const saga_film *film, const saga_source_view *view)
 {
-    for (uint32_t i = 0; shot->name[0] && i < film->info.n_cameras; i++) {
-        const match m = compare(film, shot, i);
+    for (uint32_t i = 0; view->name[0] && i < film->info.n_cameras; i++) {
+        const match m = compare(film, view, i);
         saga_naming naming;
 
         if (is_same(film, &m, &refined) &&
             saga_name_camera(&naming, film->bytes, film->nbytes, m.number) ==
-                SAGA_OK && strcmp(naming.name, shot->name) == 0)
+                SAGA_OK &&
+            strcmp(naming.name, view->name) == 0)
             return m;
     }
     return (match){ .rig = -1 };
 }
 
-static bool refuse_view(const saga_film *film, const saga_shot *shot,
+static bool refuse_view(const saga_film *film, const saga_source_view *view,
                         const match *m, saga_error *error)
 {
-    return saga_fail(error, film->name, "give the capture it was made from, "
-                     "or name the view in --hold-out",
-                     "%s is not one of its cameras: the nearest, number "
-                     "%" PRIu32
-                     ", is %.3g m and %.3g degrees away, its focal length "
-                     "%.2g %% different", shot->name, m->number, m->distance,
-                     m->degrees, 100.0 * m->focal);
+    return saga_fail(
+        error, film->name,
+        "give the capture it was made from, "
+        "or name the view in --hold-out",
+        "%s is not one of its cameras: the nearest, number "
+        "%" PRIu32 ", is %.3g m and %.3g degrees away, its focal length "
+        "%.2g %% different",
+        view->name, m->number, m->distance, m->degrees, 100.0 * m->focal);
 }
 
 /* Takes near plane and background from camera `rig`; without a rig, sets
@@ -187,8 +196,8 @@ static void borrow(saga_eval_view *v, double *near_metres,
 }
 
 /* Makes the views of a capture; sets *ok to false if memory is short. */
-static void begin(saga_eval *eval, bool *ok, const char *name,
-                  const saga_capture *capture, saga_error *error)
+static void make_views(saga_eval *eval, bool *ok, const char *name,
+                       const saga_capture *capture, saga_error *error)
 {
     const int n = capture->n_views;
 
@@ -197,62 +206,63 @@ static void begin(saga_eval *eval, bool *ok, const char *name,
         eval->view = saga_calloc((size_t)n, sizeof *eval->view, name, error);
     *ok = *ok && eval->view;
     for (int i = 0; i < n && *ok; i++) {
-        const saga_shot *const shot = &capture->views[i];
+        const saga_source_view *const view = &capture->views[i];
 
-        eval->view[i] = (saga_eval_view){
-            .name = shot->name, .width = shot->width, .height = shot->height,
-            .rig = -1, .late = shot->late, .held_out = shot->held_out
-        };
-        eval->n_training += !shot->held_out;
-        eval->n_held_out += shot->held_out;
+        eval->view[i] = (saga_eval_view){ .name = view->name,
+                                          .width = view->width,
+                                          .height = view->height,
+                                          .rig = -1,
+                                          .late = view->late,
+                                          .held_out = view->held_out };
+        eval->n_training += !view->held_out;
+        eval->n_held_out += view->held_out;
     }
 }
 
 /* Gives a view the pose and lens of its camera in the rig, for the size at
  * which its pictures are loaded. The rig's pictures are n times as large, or
  * the loaded ones are. */
-static void use_rig(saga_shot *shot, const saga_film *film, int rig)
+static void use_rig(saga_source_view *view, const saga_film *film, int rig)
 {
-    saga_shot r = { .name = "" };
+    saga_source_view r = { .name = "" };
     saga_camera c;
     uint32_t number;
     double size;
 
     if (saga_rig(&c, &number, film->bytes, film->nbytes, (uint32_t)rig))
         return;
-    saga_shot_of_camera(&r, &film->metric, &c);
-    size = r.width >= shot->width
-        ? 1.0 / rint((double)r.width / shot->width)
-        : rint((double)shot->width / r.width);
-    memcpy(shot->rotation, r.rotation, sizeof shot->rotation);
-    memcpy(shot->translation, r.translation, sizeof shot->translation);
-    shot->fx = size * r.fx;
-    shot->fy = size * r.fy;
-    shot->cx = size * r.cx;
-    shot->cy = size * r.cy;
+    saga_source_view_of_camera(&r, &film->metric, &c);
+    size = r.width >= view->width ? 1.0 / rint((double)r.width / view->width)
+                                  : rint((double)view->width / r.width);
+    memcpy(view->rotation, r.rotation, sizeof view->rotation);
+    memcpy(view->translation, r.translation, sizeof view->translation);
+    view->fx = size * r.fx;
+    view->fy = size * r.fy;
+    view->cx = size * r.cx;
+    view->cy = size * r.cy;
 }
 
 static bool match_view(saga_eval_view *v, const saga_film *film,
-                       const saga_shot *shot, saga_error *error)
+                       const saga_source_view *view, saga_error *error)
 {
-    saga_shot as_trained = *shot;
-    match m = namesake(film, shot);
+    saga_source_view as_trained = *view;
+    match m = namesake(film, view);
     const bool named = m.rig >= 0;
     double near_metres;
 
     if (named)
         use_rig(&as_trained, film, m.rig);
     else
-        m = nearest(film, shot);
+        m = nearest(film, view);
     /* A held-out view need not be in the rig. A training view must be:
      * otherwise the capture is another one, and its PSNR is meaningless. */
     if (named || is_same(film, &m, &unchanged))
         v->rig = m.rig;
-    else if (!shot->held_out && film->info.n_cameras)
-        return refuse_view(film, shot, &m, error);
+    else if (!view->held_out && film->info.n_cameras)
+        return refuse_view(film, view, &m, error);
     borrow(v, &near_metres, film, v->rig < 0 ? 0 : v->rig);
-    return saga_camera_of_shot(&v->camera, &film->metric, &as_trained,
-                               near_metres, error);
+    return saga_camera_of_source_view(&v->camera, &film->metric, &as_trained,
+                                      near_metres, error);
 }
 
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
@@ -261,7 +271,7 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
 {
     bool ok = check_time(film, capture, first_frame, error);
 
-    begin(eval, &ok, film->name, capture, error);
+    make_views(eval, &ok, film->name, capture, error);
     eval->first_frame = first_frame < 0 ? 0 : first_frame;
     for (int i = 0; i < capture->n_views && ok; i++)
         ok = match_view(&eval->view[i], film, &capture->views[i], error);
@@ -270,16 +280,16 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
     return ok;
 }
 
-static bool match_pictures_of(const char *name, const saga_shot *made,
-                              const saga_shot *shot, saga_error *error)
+static bool match_pictures_of(const char *name, const saga_source_view *made,
+                              const saga_source_view *view, saga_error *error)
 {
-    if (strcmp(made->name, shot->name) == 0 && made->width == shot->width &&
-        made->height == shot->height)
+    if (strcmp(made->name, view->name) == 0 && made->width == view->width &&
+        made->height == view->height)
         return true;
     return saga_fail(error, name, "give pictures of the same capture",
                      "has %s of %d x %d where the capture has %s of %d x %d",
-                     made->name, made->width, made->height, shot->name,
-                     shot->width, shot->height);
+                     made->name, made->width, made->height, view->name,
+                     view->width, view->height);
 }
 
 bool saga_eval_match_pictures(saga_eval *eval, const char *name,
@@ -287,14 +297,13 @@ bool saga_eval_match_pictures(saga_eval *eval, const char *name,
                               const saga_capture *capture, saga_error *error)
 {
     const int n = capture->n_views;
-    bool ok = (pictures->n_views == n &&
-               pictures->n_frames == capture->n_frames) ||
-              saga_fail(error, name, "give pictures of the same capture",
-                        "has %d views of %d frames, the capture %d of %d",
-                        pictures->n_views, pictures->n_frames, n,
-                        capture->n_frames);
+    bool ok =
+        (pictures->n_views == n && pictures->n_frames == capture->n_frames) ||
+        saga_fail(error, name, "give pictures of the same capture",
+                  "has %d views of %d frames, the capture %d of %d",
+                  pictures->n_views, pictures->n_frames, n, capture->n_frames);
 
-    begin(eval, &ok, name, capture, error);
+    make_views(eval, &ok, name, capture, error);
     for (int i = 0; i < n && ok; i++)
         ok = match_pictures_of(name, &pictures->views[i], &capture->views[i],
                                error);

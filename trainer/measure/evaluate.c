@@ -26,13 +26,13 @@ enum { DIFFERENCE_GAIN = 4 };
 
 /* Sums for one view over its frames. */
 typedef struct {
-    saga_score_sum each;    /* scores of single pictures */
-    saga_change change;     /* over changing pixels */
+    saga_score_sum each;            /* scores of single pictures */
+    saga_change change;             /* over changing pixels */
     double median_psnr, median_mse; /* results of the temporal median picture */
-    double temporal_mse;    /* error of the change from frame to frame */
-    int n_steps;            /* number of pairs of frames in temporal_mse */
+    double temporal_mse; /* error of the change from frame to frame */
+    int n_steps;         /* number of pairs of frames in temporal_mse */
     saga_exposure_sums exposure[3]; /* sums for each channel */
-    size_t n_exposed;       /* number of pixels in exposure */
+    size_t n_exposed;               /* number of pixels in exposure */
 } sums;
 
 typedef struct {
@@ -42,11 +42,11 @@ typedef struct {
     const saga_eval_options *options;
     saga_error *error;
     int n_threads;
-    uint8_t *rgb; /* the decoded picture; sized for the largest view */
-    const uint8_t **frame;  /* (n_frames) the pictures of one view */
-    uint8_t **median;       /* (n_views) temporal median pictures */
+    uint8_t *rgb;          /* the decoded picture; sized for the largest view */
+    const uint8_t **frame; /* (n_frames) the pictures of one view */
+    uint8_t **median;      /* (n_views) temporal median pictures */
     uint8_t **before; /* (n_views) decoded pictures of the previous frame */
-    sums *sum;              /* (n_views) */
+    sums *sum;        /* (n_views) */
 } comparison;
 
 /* Computes the median pictures of the captured frames, and allocates the
@@ -71,9 +71,8 @@ static bool make_medians(const comparison *c)
 static bool write_picture(const comparison *c, int view, int frame)
 {
     saga_eval_view *const v = &c->eval->view[view];
-    const saga_still truth = {
-        saga_capture_frame(c->capture, view, frame), v->width, v->height
-    };
+    const saga_still truth = { saga_capture_frame(c->capture, view, frame),
+                               v->width, v->height };
     const saga_still decode = { c->rgb, v->width, v->height };
     char name[SAGA_NAME_NBYTES + 16];
     char *path;
@@ -85,11 +84,10 @@ static bool write_picture(const comparison *c, int view, int frame)
         frame != saga_capture_near(c->capture, view, c->eval->n_frames / 2))
         return true;
     v->picture_frame = c->eval->first_frame + frame;
-    (void)snprintf(name, sizeof name, "%s_%05d.png", v->name,
-                   v->picture_frame);
+    (void)snprintf(name, sizeof name, "%s_%05d.png", v->name, v->picture_frame);
     path = saga_path_join(c->options->pictures, name, c->error);
-    ok = path && saga_montage_compare(path, &truth, &decode, DIFFERENCE_GAIN,
-                                      c->error);
+    ok = path &&
+         saga_montage_compare(path, &truth, &decode, DIFFERENCE_GAIN, c->error);
     v->picture = path;
     return ok;
 }
@@ -201,8 +199,7 @@ static bool compare_one(const comparison *c, int view, int frame)
         compare_time(c, view, frame);
         return true;
     }
-    if (!saga_score_pair(&score, &pair, counting, &c->options->score,
-                         c->error))
+    if (!saga_score_pair(&score, &pair, counting, &c->options->score, c->error))
         return false;
     /* Sums are taken in the order of frames; means are formed at the end. */
     saga_score_add(&c->sum[view].each, &score);
@@ -225,8 +222,7 @@ static bool progress(const comparison *c, int view, int frame)
         return true;
     (void)snprintf(doing, sizeof doing, "frame %d of %d, %s", frame + 1,
                    c->eval->n_frames, c->eval->view[view].name);
-    return c->options->progress(c->options->progress_user, done / all,
-                                doing) ||
+    return c->options->progress(c->options->progress_user, done / all, doing) ||
            saga_fail(c->error, NULL, NULL, "cancelled");
 }
 
@@ -353,11 +349,14 @@ bool saga_eval_run(saga_eval *eval, const saga_eval_maker *maker,
                    const saga_capture *capture,
                    const saga_eval_options *options, saga_error *error)
 {
-    comparison c = { .eval = eval, .maker = maker, .capture = capture,
-                     .options = options, .error = error,
-                     .n_threads = maker->n_threads > 0 ? maker->n_threads
-                                                       : (int)saga_n_threads()
-                   };
+    comparison c = { .eval = eval,
+                     .maker = maker,
+                     .capture = capture,
+                     .options = options,
+                     .error = error,
+                     .n_threads = maker->n_threads > 0
+                                      ? maker->n_threads
+                                      : (int)saga_n_threads() };
     const bool ok = make_folder(options->pictures, error) && allocate(&c) &&
                     make_medians(&c) && compare_all(&c);
 

@@ -11,30 +11,30 @@
 #include "view.h"
 
 typedef struct saga_eval_options {
-    const char *pictures;    /* folder for side-by-side PNGs, created if it does
-                              * not exist; NULL: no PNGs */
+    const char *pictures; /* folder for side-by-side PNGs, created if it does
+                           * not exist; NULL: no PNGs */
     saga_score_options score;
     saga_progress_fn *progress; /* called after each picture; may be NULL */
     void *progress_user;
 } saga_eval_options;
 
 typedef struct saga_eval_view {
-    const char *name;        /* owned by the capture */
+    const char *name; /* owned by the capture */
     int width, height;
     bool held_out;
     int rig; /* its camera's index in the file's rig; -1: not in it */
     saga_camera camera;
-    double late; /* delay of this camera in frames, from the capture */
-    saga_score score;        /* means over its frames */
-    char *picture;           /* the PNG that was written; NULL: none */
-    int picture_frame;       /* the frame of the file that the PNG shows */
+    double late;       /* delay of this camera in frames, from the capture */
+    saga_score score;  /* means over its frames */
+    char *picture;     /* the PNG that was written; NULL: none */
+    int picture_frame; /* the frame of the file that the PNG shows */
 } saga_eval_view;
 
 typedef struct saga_eval {
     int n_views, n_frames;
-    int first_frame;         /* frame of the film that the capture's first frame
-                              * shows */
-    saga_eval_view *view;    /* (n_views) in the capture's order */
+    int first_frame;      /* frame of the film that the capture's first frame
+                           * shows */
+    saga_eval_view *view; /* (n_views) in the capture's order */
     int n_training, n_held_out;
     saga_score training, held_out; /* means over views, NaN if there are none.
                                     * Changing pixels are averaged over the
@@ -48,10 +48,10 @@ typedef bool saga_eval_draw_fn(void *state, uint8_t *rgb, const saga_eval *eval,
 
 /* A maker supplies the pictures that are judged. */
 typedef struct saga_eval_maker {
-    const char *name;        /* for messages */
-    int n_threads;           /* for comparing; 0: all that are available */
+    const char *name; /* for messages */
+    int n_threads;    /* for comparing; 0: all that are available */
     saga_eval_draw_fn *draw;
-    void *state;             /* the first argument of draw */
+    void *state; /* the first argument of draw */
 } saga_eval_maker;
 
 /* The two makers: the first draws with the integer decoder, in the tone in

@@ -15,8 +15,8 @@ typedef struct {
     const uint8_t *bytes;
     size_t n;
     saga_layout *to;
-    uint32_t owner;          /* CRC of the next chunk's owner, from which its
-                              * CRC continues */
+    uint32_t owner; /* CRC of the next chunk's owner, from which its
+                     * CRC continues */
 } walk;
 
 static void name_of(char name[5], uint32_t type)
@@ -30,8 +30,7 @@ static void name_of(char name[5], uint32_t type)
 }
 
 /* Records damage. Only the first is kept, because later ones follow from it. */
-static bool damaged(const walk *w, uint32_t type, uint64_t at,
-                    const char *what)
+static bool damaged(const walk *w, uint32_t type, uint64_t at, const char *what)
 {
     char name[5];
 
@@ -49,11 +48,14 @@ static bool wrong_crc(const walk *w, const saga_chunk *c, uint64_t at,
 
     /* Programs from before format 1.0 began the CRC anew in every chunk. */
     if (saga_chunk_crc(0, c, w->bytes + at + SAGA_CHUNK_NBYTES) == c->crc)
-        snprintf(what, sizeof what, "a program from before format "
-                 SAGA_FORMAT " has written it: encode it again");
+        snprintf(what, sizeof what,
+                 "a program from before format " SAGA_FORMAT
+                 " has written it: encode it again");
     else
-        snprintf(what, sizeof what, "its bytes have the CRC %08" PRIx32
-                 ", not the %08" PRIx32 " stored with it", crc, c->crc);
+        snprintf(what, sizeof what,
+                 "its bytes have the CRC %08" PRIx32 ", not the %08" PRIx32
+                 " stored with it",
+                 crc, c->crc);
     return damaged(w, c->type, at, what);
 }
 
@@ -71,8 +73,10 @@ static bool cut(const walk *w, uint32_t type, uint64_t at, uint64_t needs)
 {
     char what[80];
 
-    snprintf(what, sizeof what, "it needs %" PRIu64 " bytes, the file ends "
-             "after %" PRIu64, needs, at < w->n ? w->n - at : 0);
+    snprintf(what, sizeof what,
+             "it needs %" PRIu64 " bytes, the file ends "
+             "after %" PRIu64,
+             needs, at < w->n ? w->n - at : 0);
     return damaged(w, type, at, what);
 }
 
@@ -109,8 +113,7 @@ static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
 {
     saga_chunk c;
 
-    if (*at > w->n || w->n - *at < 4 ||
-        saga_load_le(w->bytes + *at, 4) != type)
+    if (*at > w->n || w->n - *at < 4 || saga_load_le(w->bytes + *at, 4) != type)
         return true;
     if (!take_chunk(&c, w, type, *at))
         return false;
@@ -155,9 +158,9 @@ static bool take_base(walk *w, const saga_header *h, uint64_t at)
         w->owner = c.crc;
         at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
     }
-    return at == end ||
-           damaged(w, SAGA_CHUNK_PRIM, end, "the header gives another length "
-                   "of the base than its chunks have");
+    return at == end || damaged(w, SAGA_CHUNK_PRIM, end,
+                                "the header gives another length "
+                                "of the base than its chunks have");
 }
 
 static bool take_head(walk *w, const saga_header *h)
@@ -234,7 +237,8 @@ static bool take_layer(walk *w, saga_layout_segment *s,
     if (w->to->n_layers == 1)
         layer->nbytes = (uint32_t)(*at - begin);
     return *at - begin == layer->nbytes ||
-           damaged(w, SAGA_CHUNK_SEGMENT, s->offset, "it gives another length "
+           damaged(w, SAGA_CHUNK_SEGMENT, s->offset,
+                   "it gives another length "
                    "of a layer than its chunks have");
 }
 
@@ -255,7 +259,8 @@ static bool take_segment(walk *w, saga_layout_segment *s)
         if (!take_layer(w, s, &s->layer[k], &at))
             return false;
     return at - s->offset == s->nbytes ||
-           damaged(w, SAGA_CHUNK_SEGMENT, s->offset, "the index gives another "
+           damaged(w, SAGA_CHUNK_SEGMENT, s->offset,
+                   "the index gives another "
                    "length of the segment than its chunks have");
 }
 
@@ -270,7 +275,8 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 
     saga_index_io(&io, &e);
     *s = (saga_layout_segment){ .first_frame = first_frame,
-                                .n_frames = e.n_frames, .offset = e.offset,
+                                .n_frames = e.n_frames,
+                                .offset = e.offset,
                                 .nbytes = e.nbytes };
     if (take_segment(w, s)) {
         for (int p = 0; p < SAGA_N_PARTS; p++)
@@ -303,11 +309,10 @@ static void count_other(saga_layout *to)
 static bool check_index(const walk *w, const saga_header *h)
 {
     saga_segment last;
-    const saga_status s =
-        saga_find(&last, w->bytes, w->n, h->n_frames - 1, 1);
+    const saga_status s = saga_find(&last, w->bytes, w->n, h->n_frames - 1, 1);
 
-    return s == SAGA_OK || damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes,
-                                   saga_status_text(s));
+    return s == SAGA_OK ||
+           damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes, saga_status_text(s));
 }
 
 static bool read_all(walk *w, const saga_header *h, const char *name,
@@ -317,10 +322,11 @@ static bool read_all(walk *w, const saga_header *h, const char *name,
     uint32_t frame = 0;
 
     if (!take_head(w, h) || !check_index(w, h))
-        return saga_fail(error, name, "copy the file again", "%s; nothing "
-                         "after it can be found", to->damage);
-    to->segment =
-        saga_calloc(h->n_segments, sizeof *to->segment, name, error);
+        return saga_fail(error, name, "copy the file again",
+                         "%s; nothing "
+                         "after it can be found",
+                         to->damage);
+    to->segment = saga_calloc(h->n_segments, sizeof *to->segment, name, error);
     if (!to->segment)
         return false;
     to->n_segments = h->n_segments;
@@ -379,9 +385,11 @@ static bool check_by_decoder(const saga_layout *l, const char *name,
     s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
     for (uint32_t i = 0; i < l->n_segments && s == SAGA_OK; i++) {
         const saga_layout_segment *const g = &l->segment[i];
-        const saga_segment seg = { .number = i, .first_frame = g->first_frame,
+        const saga_segment seg = { .number = i,
+                                   .first_frame = g->first_frame,
                                    .n_frames = g->n_frames,
-                                   .offset = g->offset, .nbytes = g->nbytes };
+                                   .offset = g->offset,
+                                   .nbytes = g->nbytes };
 
         s = saga_find_layer(&layer, dec, &seg, bytes + g->offset, g->nbytes, 0);
     }
@@ -389,7 +397,8 @@ static bool check_by_decoder(const saga_layout *l, const char *name,
     return s == SAGA_OK ||
            saga_fail(error, name, "copy the file again, or encode it again",
                      "its networks, its base or the header of a segment is "
-                     "refused: %s", saga_status_text(s));
+                     "refused: %s",
+                     saga_status_text(s));
 }
 
 bool saga_layout_read_whole(saga_layout *layout, const char *name,

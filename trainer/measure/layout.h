@@ -26,18 +26,18 @@ enum {
 
 typedef struct saga_layout_layer {
     saga_counts n;
-    uint32_t nbytes;         /* size of its chunks, including chunk headers */
+    uint32_t nbytes; /* size of its chunks, including chunk headers */
     uint32_t payload_nbytes[SAGA_N_PARTS]; /* payload sizes; that of SEGM is
-                              * 0 */
+                                            * 0 */
 } saga_layout_layer;
 
 typedef struct saga_layout_segment {
     uint32_t first_frame, n_frames; /* numbers in the index */
     uint64_t offset;
-    uint32_t nbytes;         /* size of all its chunks */
-    saga_counts n;           /* sums over its layers; 0 if damaged */
-    uint32_t payload_nbytes[SAGA_N_PARTS]; /* sums over its layers; 0 if
-                              * damaged */
+    uint32_t nbytes; /* size of all its chunks */
+    saga_counts n;   /* sums over its layers; 0 if damaged */
+    uint32_t payload_nbytes[SAGA_N_PARTS];    /* sums over its layers; 0 if
+                                               * damaged */
     saga_layout_layer layer[SAGA_MAX_LAYERS]; /* numbers in the segment's
                                                * header; 0 if it is damaged */
     bool damaged;
@@ -46,24 +46,24 @@ typedef struct saga_layout_segment {
 typedef struct saga_layout {
     uint64_t file_nbytes;
     uint32_t header_nbytes, index_nbytes, nets_nbytes, names_nbytes,
-             exposures_nbytes, sound_nbytes; /* the whole header; the others
-                              * are payload sizes */
+        exposures_nbytes, sound_nbytes; /* the whole header; the others
+                                         * are payload sizes */
     uint32_t base_nbytes[SAGA_N_PARTS]; /* payload sizes; 0: the file has no
                                          * base */
-    uint64_t nets_at;        /* offset of the payload of NETS; the chunks of
-                              * the base follow it */
-    uint64_t cameras_at;     /* offset of the chunks of names and exposures, */
-    uint64_t sound_at;       /* of that of the sound, and of the byte after it;
-                              * a chunk that is absent has no bytes */
+    uint64_t nets_at;    /* offset of the payload of NETS; the chunks of
+                          * the base follow it */
+    uint64_t cameras_at; /* offset of the chunks of names and exposures, */
+    uint64_t sound_at;   /* of that of the sound, and of the byte after it;
+                          * a chunk that is absent has no bytes */
     uint64_t sound_end;
     uint64_t part_nbytes[SAGA_N_PARTS]; /* payload sizes, summed over
                                          * segments */
-    uint64_t framing_nbytes; /* size of all chunk headers */
-    uint64_t other_nbytes;   /* bytes that are in no chunk found */
-    uint32_t n_chunks;       /* chunks whose CRC is right */
-    uint32_t n_damaged;      /* damaged segments */
+    uint64_t framing_nbytes;            /* size of all chunk headers */
+    uint64_t other_nbytes;              /* bytes that are in no chunk found */
+    uint32_t n_chunks;                  /* chunks whose CRC is right */
+    uint32_t n_damaged;                 /* damaged segments */
     uint32_t n_segments, n_layers;
-    saga_layout_segment *segment; /* (n_segments) */
+    saga_layout_segment *segment;    /* (n_segments) */
     char damage[SAGA_DAMAGE_NBYTES]; /* describes the first damage found: chunk,
                                       * place and value; empty if there is
                                       * none */

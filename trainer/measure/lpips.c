@@ -14,76 +14,87 @@
 /* --- What the nets look like --------------------------------------------- */
 
 typedef enum {
-    CONV,                    /* followed by ReLU */
-    FIRE,                    /* 1x1, then 1x1 and 3x3 in parallel */
+    CONV, /* followed by ReLU */
+    FIRE, /* 1x1, then 1x1 and 3x3 in parallel */
     POOL,
-    TAP,                     /* the two pictures are compared here */
+    TAP, /* the two pictures are compared here */
     END
 } kind;
 
 typedef struct {
     kind kind;
-    const char *name;        /* name of its weights in the file */
+    const char *name; /* name of its weights in the file */
     int size, stride, pad;
 } step;
 
-static const step alex[] = {
-    { CONV, "conv1", 11, 4, 2 }, { .kind = TAP },
-    { POOL, NULL, 3, 2, 0 }, { CONV, "conv2", 5, 1, 2 }, { .kind = TAP },
-    { POOL, NULL, 3, 2, 0 }, { CONV, "conv3", 3, 1, 1 }, { .kind = TAP },
-    { CONV, "conv4", 3, 1, 1 }, { .kind = TAP },
-    { CONV, "conv5", 3, 1, 1 }, { .kind = TAP },
-    { .kind = END }
-};
+static const step alex[] = { { CONV, "conv1", 11, 4, 2 },
+                             { .kind = TAP },
+                             { POOL, NULL, 3, 2, 0 },
+                             { CONV, "conv2", 5, 1, 2 },
+                             { .kind = TAP },
+                             { POOL, NULL, 3, 2, 0 },
+                             { CONV, "conv3", 3, 1, 1 },
+                             { .kind = TAP },
+                             { CONV, "conv4", 3, 1, 1 },
+                             { .kind = TAP },
+                             { CONV, "conv5", 3, 1, 1 },
+                             { .kind = TAP },
+                             { .kind = END } };
 
-static const step squeeze[] = {
-    { CONV, "0", 3, 2, 0 }, { .kind = TAP },
-    { POOL, NULL, 3, 2, 0 }, { .kind = FIRE, .name = "3" },
-    { .kind = FIRE, .name = "4" }, { .kind = TAP },
-    { POOL, NULL, 3, 2, 0 }, { .kind = FIRE, .name = "6" },
-    { .kind = FIRE, .name = "7" }, { .kind = TAP },
-    { POOL, NULL, 3, 2, 0 }, { .kind = FIRE, .name = "9" }, { .kind = TAP },
-    { .kind = FIRE, .name = "10" }, { .kind = TAP },
-    { .kind = FIRE, .name = "11" }, { .kind = TAP },
-    { .kind = FIRE, .name = "12" }, { .kind = TAP },
-    { .kind = END }
-};
+static const step squeeze[] = { { CONV, "0", 3, 2, 0 },
+                                { .kind = TAP },
+                                { POOL, NULL, 3, 2, 0 },
+                                { .kind = FIRE, .name = "3" },
+                                { .kind = FIRE, .name = "4" },
+                                { .kind = TAP },
+                                { POOL, NULL, 3, 2, 0 },
+                                { .kind = FIRE, .name = "6" },
+                                { .kind = FIRE, .name = "7" },
+                                { .kind = TAP },
+                                { POOL, NULL, 3, 2, 0 },
+                                { .kind = FIRE, .name = "9" },
+                                { .kind = TAP },
+                                { .kind = FIRE, .name = "10" },
+                                { .kind = TAP },
+                                { .kind = FIRE, .name = "11" },
+                                { .kind = TAP },
+                                { .kind = FIRE, .name = "12" },
+                                { .kind = TAP },
+                                { .kind = END } };
 
 static const step vgg[] = {
-    { CONV, "0", 3, 1, 1 }, { CONV, "2", 3, 1, 1 }, { .kind = TAP },
-    { POOL, NULL, 2, 2, 0 }, { CONV, "5", 3, 1, 1 }, { CONV, "7", 3, 1, 1 },
-    { .kind = TAP },
-    { POOL, NULL, 2, 2, 0 }, { CONV, "10", 3, 1, 1 },
+    { CONV, "0", 3, 1, 1 },  { CONV, "2", 3, 1, 1 },  { .kind = TAP },
+    { POOL, NULL, 2, 2, 0 }, { CONV, "5", 3, 1, 1 },  { CONV, "7", 3, 1, 1 },
+    { .kind = TAP },         { POOL, NULL, 2, 2, 0 }, { CONV, "10", 3, 1, 1 },
     { CONV, "12", 3, 1, 1 }, { CONV, "14", 3, 1, 1 }, { .kind = TAP },
-    { POOL, NULL, 2, 2, 0 }, { CONV, "17", 3, 1, 1 },
-    { CONV, "19", 3, 1, 1 }, { CONV, "21", 3, 1, 1 }, { .kind = TAP },
-    { POOL, NULL, 2, 2, 0 }, { CONV, "24", 3, 1, 1 },
-    { CONV, "26", 3, 1, 1 }, { CONV, "28", 3, 1, 1 }, { .kind = TAP },
-    { .kind = END }
+    { POOL, NULL, 2, 2, 0 }, { CONV, "17", 3, 1, 1 }, { CONV, "19", 3, 1, 1 },
+    { CONV, "21", 3, 1, 1 }, { .kind = TAP },         { POOL, NULL, 2, 2, 0 },
+    { CONV, "24", 3, 1, 1 }, { CONV, "26", 3, 1, 1 }, { CONV, "28", 3, 1, 1 },
+    { .kind = TAP },         { .kind = END }
 };
 
 typedef struct {
     const char *key, *name;
     const step *steps;
-    bool ceil;               /* pools count a last window that is not full */
+    bool ceil; /* pools count a last window that is not full */
 } net;
 
-static const net nets[] = {
-    { "alex", "AlexNet", alex, false },
-    { "squeeze", "SqueezeNet 1.1", squeeze, true },
-    { "vgg", "VGG16", vgg, false }
-};
+static const net nets[] = { { "alex", "AlexNet", alex, false },
+                            { "squeeze", "SqueezeNet 1.1", squeeze, true },
+                            { "vgg", "VGG16", vgg, false } };
 
 enum {
     N_NETS = (int)(sizeof nets / sizeof nets[0]),
-    MAX_CONVS = 32, MAX_TAPS = 8, NAME = 64
+    MAX_CONVS = 32,
+    MAX_TAPS = 8,
+    NAME = 64
 };
 
 struct saga_lpips {
     const net *net;
     saga_conv conv[MAX_CONVS];
     int n_convs;
-    double *head[MAX_TAPS];  /* (planes at the tap) */
+    double *head[MAX_TAPS]; /* (planes at the tap) */
     int n_taps;
     char text[256];
 };
@@ -110,7 +121,7 @@ void saga_lpips_free(saga_lpips *l)
 typedef struct {
     saga_lpips *l;
     const saga_npz *npz;
-    int n_planes;            /* planes after the steps so far */
+    int n_planes; /* planes after the steps so far */
     saga_error *error;
 } loading;
 
@@ -127,7 +138,8 @@ static bool read_array(saga_npy *a, const loading *s, const char *name,
 
 static bool refuse(const loading *s, const char *name, const saga_npy *a)
 {
-    return saga_fail(s->error, s->npz->path, "give weights of LPIPS 0.1 as "
+    return saga_fail(s->error, s->npz->path,
+                     "give weights of LPIPS 0.1 as "
                      "docs/metrics.md describes them",
                      "has %s of %zu x %zu x %zu x %zu", name, a->side[0],
                      a->side[1], a->side[2], a->side[3]);
@@ -150,8 +162,10 @@ static bool load_conv(loading *s, const step *like, const char *name, int n_in)
     if (ok && (b.n_sides != 1 || b.side[0] != w.side[0]))
         ok = refuse(s, name, &b);
     if (ok) {
-        *c = (saga_conv){ .n_out = (int)w.side[0], .n_in = n_in,
-                          .size = like->size, .stride = like->stride,
+        *c = (saga_conv){ .n_out = (int)w.side[0],
+                          .n_in = n_in,
+                          .size = like->size,
+                          .stride = like->stride,
                           .pad = like->pad };
         s->l->n_convs++;
         ok = saga_conv_pack(c, w.data, b.data, s->error);
@@ -165,8 +179,8 @@ static bool load_conv(loading *s, const step *like, const char *name, int n_in)
  * inputs of c[1] and c[2]. */
 static bool load_fire(loading *s, const char *name)
 {
-    static const step one = { CONV, NULL, 1, 1, 0 }, three = { CONV, NULL, 3,
-                                                               1, 1 };
+    static const step one = { CONV, NULL, 1, 1, 0 },
+                      three = { CONV, NULL, 3, 1, 1 };
     const saga_conv *const c = &s->l->conv[s->l->n_convs];
     char part[NAME];
     bool ok;
@@ -231,7 +245,8 @@ static const net *find_net(const saga_npz *npz, saga_error *error)
         if (saga_npz_has(npz, name))
             return &nets[i];
     }
-    saga_fail(error, npz->path, "give weights of LPIPS 0.1 as "
+    saga_fail(error, npz->path,
+              "give weights of LPIPS 0.1 as "
               "docs/metrics.md describes them",
               "has neither alex.lin0 nor squeeze.lin0 nor vgg.lin0");
     return NULL;
@@ -249,8 +264,10 @@ saga_lpips *saga_lpips_load(const char *path, saga_error *error)
         ok = l->net && load_steps(&s);
     }
     if (ok)
-        snprintf(l->text, sizeof l->text, "v0.1, %s, 8-bit RGB over [-1, 1], "
-                 "weights with CRC-32 %08lx", l->net->name,
+        snprintf(l->text, sizeof l->text,
+                 "v0.1, %s, 8-bit RGB over [-1, 1], "
+                 "weights with CRC-32 %08lx",
+                 l->net->name,
                  crc32(0, npz.bytes.data, (uInt)npz.bytes.nbytes));
     saga_npz_close(&npz);
     if (ok)
@@ -270,12 +287,12 @@ const char *saga_lpips_text(const saga_lpips *l)
 typedef struct {
     const saga_lpips *l;
     saga_planes now;
-    int n_convs;             /* used so far */
+    int n_convs; /* used so far */
     int n_threads;
     saga_error *error;
 } walk;
 
-static bool begin(walk *w, const uint8_t *rgb, int width, int height)
+static bool first_planes(walk *w, const uint8_t *rgb, int width, int height)
 {
     const size_t n = (size_t)width * (size_t)height;
 
@@ -327,8 +344,8 @@ static bool join(saga_planes *out, const saga_planes *a, const saga_planes *b,
 static bool next_fire(saga_planes *out, walk *w)
 {
     saga_planes few = { 0 }, one = { 0 }, three = { 0 };
-    const bool ok = next_conv(&few, w, &w->now) &&
-                    next_conv(&one, w, &few) && next_conv(&three, w, &few) &&
+    const bool ok = next_conv(&few, w, &w->now) && next_conv(&one, w, &few) &&
+                    next_conv(&three, w, &few) &&
                     join(out, &one, &three, w->error);
 
     free(few.v);
@@ -341,11 +358,11 @@ static bool next_fire(saga_planes *out, walk *w)
 static bool take(walk *w, const step *p)
 {
     saga_planes next = { 0 };
-    const bool ok =
-        p->kind == CONV ? next_conv(&next, w, &w->now)
-        : p->kind == FIRE ? next_fire(&next, w)
-        : saga_pool_max(&next, &w->now, p->size, p->stride, w->l->net->ceil,
-                        w->error);
+    const bool ok = p->kind == CONV ? next_conv(&next, w, &w->now)
+                    : p->kind == FIRE
+                        ? next_fire(&next, w)
+                        : saga_pool_max(&next, &w->now, p->size, p->stride,
+                                        w->l->net->ceil, w->error);
 
     move_on(w, next);
     return ok;
@@ -412,8 +429,8 @@ bool saga_lpips_distance(double *distance, const saga_lpips *l,
 {
     walk a = { .l = l, .n_threads = of->n_threads, .error = error };
     walk b = a;
-    const bool ok = begin(&a, of->a, of->width, of->height) &&
-                    begin(&b, of->b, of->width, of->height) &&
+    const bool ok = first_planes(&a, of->a, of->width, of->height) &&
+                    first_planes(&b, of->b, of->width, of->height) &&
                     walk_both(distance, &a, &b);
 
     free(a.now.v);

@@ -12,15 +12,14 @@ enum {
     TAPS = SAGA_SSIM_WINDOW,
     HALF = TAPS / 2,
     BAND = 16, /* rows for which one thread computes SSIM at a time */
-    N_MAPS = 5              /* filtered maps: a, b, a a, b b, a b */
+    N_MAPS = 5 /* filtered maps: a, b, a a, b b, a b */
 };
 
 /* The SSIM paper's constants (0.01)^2 and (0.03)^2, for samples in [0, 1]. */
 static const double c1 = 1e-4, c2 = 9e-4;
 
-static const double ms_weight[SAGA_MS_SSIM_SCALES] = {
-    0.0448, 0.2856, 0.3001, 0.2363, 0.1333
-};
+static const double ms_weight[SAGA_MS_SSIM_SCALES] = { 0.0448, 0.2856, 0.3001,
+                                                       0.2363, 0.1333 };
 
 /* --- PSNR ---------------------------------------------------------------- */
 
@@ -38,22 +37,21 @@ double saga_mse(const uint8_t *a, const uint8_t *b, size_t n)
 
 double saga_psnr(double mse)
 {
-    return mse <= 0.0 ? (double)INFINITY
-                      : 10.0 * log10(255.0 * 255.0 / mse);
+    return mse <= 0.0 ? (double)INFINITY : 10.0 * log10(255.0 * 255.0 / mse);
 }
 
 /* --- SSIM of one channel ------------------------------------------------- */
 
 /* Two channels to be compared, with samples in [0, 1]. */
 typedef struct {
-    const double *a, *b;    /* (height, width) */
+    const double *a, *b; /* (height, width) */
     int width, height, n_threads;
     double tap[TAPS];
-    double (*row)[3];       /* (height) sums over a row: SSIM of all columns;
-                             * SSIM and contrast-structure of the columns whose
-                             * windows lie inside */
-    double *scratch;        /* (n_threads, n_scratch): a row with zeros at both
-                             * ends, and the maps of a band */
+    double (*row)[3]; /* (height) sums over a row: SSIM of all columns;
+                       * SSIM and contrast-structure of the columns whose
+                       * windows lie inside */
+    double *scratch;  /* (n_threads, n_scratch): a row with zeros at both
+                       * ends, and the maps of a band */
     size_t n_scratch;
 } pair;
 
@@ -106,9 +104,8 @@ static void filter_maps(double *out, double *line, const pair *p, int y)
     }
     for (int map = 0; map < N_MAPS; map++) {
         for (size_t x = 0; x < w; x++) {
-            const double product[N_MAPS] = {
-                a[x], b[x], a[x] * a[x], b[x] * b[x], a[x] * b[x]
-            };
+            const double product[N_MAPS] = { a[x], b[x], a[x] * a[x],
+                                             b[x] * b[x], a[x] * b[x] };
             line[x + HALF] = product[map];
         }
         filter_row(out + (size_t)map * w, line, p->width, p->tap);
@@ -123,8 +120,7 @@ static double ssim_of(const double m[N_MAPS], double *structure)
 
     /* Contrast and structure are (2 cov + c2) / (var_a + var_b + c2), where
      * each covariance is E[xy] - E[x] E[y]. */
-    *structure = (2.0 * (m[4] - ab) + c2) /
-                 (m[2] - aa + (m[3] - bb) + c2);
+    *structure = (2.0 * (m[4] - ab) + c2) / (m[2] - aa + (m[3] - bb) + c2);
     /* SSIM also has the luminance factor (2 a b + c1) / (a^2 + b^2 + c1). */
     return (2.0 * ab + c1) / (aa + bb + c1) * *structure;
 }
@@ -173,8 +169,7 @@ static void sum_band(const pair *p, int y0)
 static channel_ssim means_of(const pair *p)
 {
     const double all = (double)p->width * p->height;
-    const double inner = (double)(p->width - 2 * HALF) *
-                         (p->height - 2 * HALF);
+    const double inner = (double)(p->width - 2 * HALF) * (p->height - 2 * HALF);
     channel_ssim s = { 0.0, 0.0, 0.0 };
 
     for (int y = 0; y < p->height; y++) {
@@ -209,8 +204,8 @@ static bool channel(channel_ssim *s, pair p, saga_error *error)
     p.n_threads = p.n_threads < n ? p.n_threads : n;
     p.n_scratch = w + 2 * HALF + (BAND + 2 * HALF) * N_MAPS * w;
     p.row = saga_alloc((size_t)p.height, sizeof *p.row, purpose, error);
-    p.scratch = saga_alloc((size_t)p.n_threads * p.n_scratch,
-                           sizeof *p.scratch, purpose, error);
+    p.scratch = saga_alloc((size_t)p.n_threads * p.n_scratch, sizeof *p.scratch,
+                           purpose, error);
     ok = p.row && p.scratch;
     if (ok) {
         make_taps(p.tap);
@@ -242,8 +237,10 @@ static double *take_channel(const saga_picture_pair *of, int c,
 
 static pair pair_of(const saga_picture_pair *of, const double *v)
 {
-    return (pair){ .a = v, .b = v + (size_t)of->width * (size_t)of->height,
-                   .width = of->width, .height = of->height,
+    return (pair){ .a = v,
+                   .b = v + (size_t)of->width * (size_t)of->height,
+                   .width = of->width,
+                   .height = of->height,
                    .n_threads = of->n_threads };
 }
 
@@ -278,8 +275,8 @@ static void halve(double *v, int width, int height)
         for (int x = 0; x < w; x++) {
             const int x1 = 2 * x + 1 < width ? 2 * x + 1 : 2 * x;
 
-            v[(size_t)y * (size_t)w + (size_t)x] =
-                0.25 * (r0[2 * x] + r0[x1] + r1[2 * x] + r1[x1]);
+            v[(size_t)y * (size_t)w + (size_t)x] = 0.25 * (r0[2 * x] + r0[x1] +
+                                                           r1[2 * x] + r1[x1]);
         }
     }
 }
@@ -312,8 +309,7 @@ static bool scales(double *value, double *v, const saga_picture_pair *of,
     return true;
 }
 
-bool saga_ms_ssim(double *value, const saga_picture_pair *of,
-                  saga_error *error)
+bool saga_ms_ssim(double *value, const saga_picture_pair *of, saga_error *error)
 {
     *value = (double)NAN;
     if (of->width < SAGA_MS_SSIM_MIN || of->height < SAGA_MS_SSIM_MIN)

@@ -18,15 +18,15 @@
 enum {
     SAGA_SSIM_WINDOW = 11,
     SAGA_MS_SSIM_SCALES = 5,
-    SAGA_MS_SSIM_MIN = 161     /* least side: at the last scale the window just
-                                * fits */
+    SAGA_MS_SSIM_MIN = 161 /* least side: at the last scale the window just
+                            * fits */
 };
 
 /* A pair is two pictures to be compared. */
 typedef struct saga_picture_pair {
-    const uint8_t *a, *b;    /* (height, width, 3) */
+    const uint8_t *a, *b; /* (height, width, 3) */
     int width, height;
-    int n_threads;           /* threads to use, >= 1 */
+    int n_threads; /* threads to use, >= 1 */
 } saga_picture_pair;
 
 /* Returns the mean squared difference of n samples; 0 for n = 0. */

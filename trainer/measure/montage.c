@@ -13,8 +13,8 @@ typedef struct {
     int width, height;
 } canvas;
 
-void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b,
-                     size_t n, int gain)
+void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b, size_t n,
+                     int gain)
 {
     for (size_t i = 0; i < n; i++) {
         const int d = gain * (a[i] > b[i] ? a[i] - b[i] : b[i] - a[i]);
@@ -26,10 +26,9 @@ void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b,
 static void paste(canvas *to, const saga_still *s, int x, int y)
 {
     for (int row = 0; row < s->height; row++)
-        memcpy(to->rgb + 3 * ((size_t)(y + row) * (size_t)to->width +
-                              (size_t)x),
-               s->rgb + 3 * (size_t)row * (size_t)s->width,
-               3 * (size_t)s->width);
+        memcpy(
+            to->rgb + 3 * ((size_t)(y + row) * (size_t)to->width + (size_t)x),
+            s->rgb + 3 * (size_t)row * (size_t)s->width, 3 * (size_t)s->width);
 }
 
 bool saga_montage_write(const char *path, const saga_still *stills, int n,
@@ -63,14 +62,13 @@ bool saga_montage_write(const char *path, const saga_still *stills, int n,
 }
 
 bool saga_montage_compare(const char *path, const saga_still *truth,
-                          const saga_still *decode, int gain,
-                          saga_error *error)
+                          const saga_still *decode, int gain, saga_error *error)
 {
     const size_t n = 3 * (size_t)truth->width * (size_t)truth->height;
     uint8_t *const d = saga_alloc(n, 1, path, error);
-    const saga_still three[3] = {
-        *truth, *decode, { d, truth->width, truth->height }
-    };
+    const saga_still three[3] = { *truth,
+                                  *decode,
+                                  { d, truth->width, truth->height } };
     bool ok;
 
     if (!d)

@@ -10,7 +10,7 @@
 enum { SAGA_MONTAGE_GAP = 4 }; /* pixels between pictures */
 
 typedef struct saga_still {
-    const uint8_t *rgb;      /* (height, width, 3) */
+    const uint8_t *rgb; /* (height, width, 3) */
     int width, height;
 } saga_still;
 
@@ -27,7 +27,7 @@ bool saga_montage_compare(const char *path, const saga_still *truth,
                           saga_error *error);
 
 /* Sets out = |a - b| * gain, clipped to 255, for n samples. */
-void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b,
-                     size_t n, int gain);
+void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b, size_t n,
+                     int gain);
 
 #endif

@@ -47,15 +47,15 @@ static void solve(double x[3], const double m[9], const double v[3])
 /* Finds the point nearest to all optical axes. A weak pull to the middle of the
  * cube determines it if the axes are parallel. */
 static void find_focus(double focus[3], const saga_metric *metric,
-                       const saga_shot *shots, int n)
+                       const saga_source_view *views, int n)
 {
     double m[9] = { 0.0 }, v[3] = { 0.0 };
 
     for (int s = 0; s < n; s++) {
-        const double *const f = shots[s].rotation + 6;
+        const double *const f = views[s].rotation + 6;
         double centre[3];
 
-        saga_shot_centre(centre, &shots[s]);
+        saga_source_view_centre(centre, &views[s]);
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++) {
                 /* 1 - f f^T projects a vector to the plane perpendicular to the
@@ -80,35 +80,35 @@ static void find_focus(double focus[3], const saga_metric *metric,
 
 /* Sets the mean of the cameras' up vectors or, if they cancel out, the first
  * camera's. */
-static void mean_up(double up[3], const saga_shot *shots, int n)
+static void mean_up(double up[3], const saga_source_view *views, int n)
 {
     for (int i = 0; i < 3; i++) {
         up[i] = 0.0;
         for (int s = 0; s < n; s++)
-            up[i] -= shots[s].rotation[3 + i];
+            up[i] -= views[s].rotation[3 + i];
     }
     if (!normalise(up))
         for (int i = 0; i < 3; i++)
-            up[i] = -shots[0].rotation[3 + i];
+            up[i] = -views[0].rotation[3 + i];
 }
 
 /* Finds the vertical. People hold cameras level, whatever the tilt, so up is
  * the direction most nearly perpendicular to all horizontal axes r of the
  * cameras. It is found by power iteration on the matrix 1 - mean of r r^T,
  * which begins with the mean up; that start decides if all axes agree. */
-static void find_up(double up[3], const saga_shot *shots, int n)
+static void find_up(double up[3], const saga_source_view *views, int n)
 {
     enum { STEPS = 64 };
 
-    mean_up(up, shots, n);
+    mean_up(up, views, n);
     for (int step = 0; step < STEPS; step++) {
         /* next = up - mean of r (r . up) */
         double next[3] = { up[0], up[1], up[2] };
 
         for (int s = 0; s < n; s++)
             for (int i = 0; i < 3; i++)
-                next[i] -= shots[s].rotation[i] *
-                           dot3(shots[s].rotation, up) / n;
+                next[i] -= views[s].rotation[i] * dot3(views[s].rotation, up) /
+                           n;
         /* If all horizontal axes are along up, nothing is left: keep up. */
         if (!normalise(next))
             return;
@@ -119,11 +119,11 @@ static void find_up(double up[3], const saga_shot *shots, int n)
 /* Splits a camera's position relative to the focus: returns the height along
  * up, and sets `level` to the rest. */
 static double split(double level[3], const saga_orbit *o,
-                    const saga_shot *shot)
+                    const saga_source_view *view)
 {
     double height;
 
-    saga_shot_centre(level, shot);
+    saga_source_view_centre(level, view);
     for (int i = 0; i < 3; i++)
         level[i] -= o->focus[i];
     height = dot3(level, o->up);
@@ -133,7 +133,7 @@ static double split(double level[3], const saga_orbit *o,
 }
 
 /* Sets axes, radius and height of the orbit. */
-static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
+static bool find_middle(saga_orbit *o, const saga_source_view *views, int n)
 {
     double level[3];
 
@@ -141,7 +141,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
     for (int i = 0; i < 3; i++)
         o->ahead[i] = 0.0;
     for (int s = 0; s < n; s++) {
-        o->height += split(level, o, &shots[s]) / n;
+        o->height += split(level, o, &views[s]) / n;
         o->radius += sqrt(dot3(level, level)) / n;
         for (int i = 0; i < 3; i++)
             o->ahead[i] += level[i];
@@ -149,7 +149,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
     /* If the cameras stand all round, their directions cancel out, and the
      * first camera's direction is used as ahead. */
     if (!normalise(o->ahead)) {
-        split(o->ahead, o, &shots[0]);
+        split(o->ahead, o, &views[0]);
         if (!normalise(o->ahead))
             return false;
     }
@@ -159,7 +159,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
 
 /* Finds the range of the cameras' angles: the full circle without the widest
  * gap between two neighbours. */
-static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
+static void find_sweep(saga_orbit *o, const saga_source_view *views, int n,
                        double *angle)
 {
     double gap, end;
@@ -167,7 +167,7 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
     for (int s = 0; s < n; s++) {
         double level[3];
 
-        split(level, o, &shots[s]);
+        split(level, o, &views[s]);
         angle[s] = atan2(dot3(level, o->side), dot3(level, o->ahead));
     }
     qsort(angle, (size_t)n, sizeof *angle, saga_by_value);
@@ -189,16 +189,15 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
                               * shows depth */
 }
 
-bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
-                   saga_error *error)
+bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error)
 {
     const int n = (int)film->info.n_cameras;
-    saga_shot *const shots =
-        saga_calloc((size_t)n, sizeof *shots, film->name, error);
-    double *const angle =
-        saga_calloc((size_t)n, sizeof *angle, film->name, error);
+    saga_source_view *const views = saga_calloc((size_t)n, sizeof *views,
+                                                film->name, error);
+    double *const angle = saga_calloc((size_t)n, sizeof *angle, film->name,
+                                      error);
     uint32_t number;
-    bool ok = shots && angle &&
+    bool ok = views && angle &&
               saga_film_rig(film, 0, &orbit->lens, &number, error);
 
     /* The cameras of the rig, in metres. */
@@ -206,20 +205,20 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
         saga_camera c;
 
         ok = saga_film_rig(film, (uint32_t)i, &c, &number, error);
-        saga_shot_of_camera(&shots[i], &film->metric, &c);
+        saga_source_view_of_camera(&views[i], &film->metric, &c);
     }
     /* Find what they look at, which way is up, and the arc that they span. */
     if (ok) {
-        find_focus(orbit->focus, &film->metric, shots, n);
-        find_up(orbit->up, shots, n);
-        ok = find_middle(orbit, shots, n);
+        find_focus(orbit->focus, &film->metric, views, n);
+        find_up(orbit->up, views, n);
+        ok = find_middle(orbit, views, n);
     }
     if (ok)
-        find_sweep(orbit, shots, n, angle);
+        find_sweep(orbit, views, n, angle);
     else
         saga_fail(error, film->name, "give a camera",
                   "its cameras do not determine a path");
-    free(shots);
+    free(views);
     free(angle);
     return ok;
 }
@@ -232,14 +231,14 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
     /* If the orbit is no full circle, the camera swings, and is slowest where
      * it turns back. */
     const double angle = orbit->middle +
-        (orbit->closed ? phase : orbit->half * sin(phase));
+                         (orbit->closed ? phase : orbit->half * sin(phase));
     double centre[3], *right, *down, *forward;
-    saga_shot shot = { .name = "orbit" };
+    saga_source_view view = { .name = "orbit" };
 
-    saga_shot_of_camera(&shot, metric, &orbit->lens);
-    right = shot.rotation;
-    down = shot.rotation + 3;
-    forward = shot.rotation + 6;
+    saga_source_view_of_camera(&view, metric, &orbit->lens);
+    right = view.rotation;
+    down = view.rotation + 3;
+    forward = view.rotation + 6;
     for (int i = 0; i < 3; i++) {
         /* The camera stands at the orbit's radius and height, and looks at the
          * focus. */
@@ -255,10 +254,10 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                          "its cameras look straight down");
     cross3(down, forward, right);
     for (int i = 0; i < 3; i++)
-        shot.translation[i] = -dot3(shot.rotation + 3 * i, centre);
+        view.translation[i] = -dot3(view.rotation + 3 * i, centre);
     *camera = orbit->lens;
-    return saga_camera_of_shot(camera, metric, &shot,
-                               metric->unit * orbit->lens.near_plane, error);
+    return saga_camera_of_source_view(
+        camera, metric, &view, metric->unit * orbit->lens.near_plane, error);
 }
 
 void saga_orbit_time(uint32_t *num, uint32_t *den, uint32_t n_frames, int i,
@@ -287,8 +286,8 @@ void saga_camera_resize(saga_camera *camera, int width, int height)
         const double at = rint(32768.0 * side[i] + scale * off);
 
         camera->focal_q16[i] = (int32_t)fmin(fmax(focal, 1.0), 2147483647.0);
-        camera->principal_q16[i] =
-            (int32_t)fmin(fmax(at, -1073741824.0), 1073741824.0);
+        camera->principal_q16[i] = (int32_t)fmin(fmax(at, -1073741824.0),
+                                                 1073741824.0);
     }
     camera->width = (uint16_t)width;
     camera->height = (uint16_t)height;

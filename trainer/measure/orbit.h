@@ -10,21 +10,20 @@
 #include "view.h"
 
 typedef struct saga_orbit {
-    double focus[3];         /* metres: the point at which the rig looks */
+    double focus[3]; /* metres: the point at which the rig looks */
     double up[3], ahead[3], side[3]; /* unit vectors; focus + ahead points to
                                       * the middle of the rig's cameras, level
                                       * with the focus */
-    double radius, height;   /* metres, means over the rig's cameras */
-    double middle, half;     /* centre and half width of the sweep: radians
-                              * around `up` */
-    bool closed; /* the rig surrounds the scene: sweep a full circle */
-    saga_camera lens;        /* the rig's first camera, of which all but the
-                              * pose is used */
+    double radius, height;           /* metres, means over the rig's cameras */
+    double middle, half; /* centre and half width of the sweep: radians
+                          * around `up` */
+    bool closed;         /* the rig surrounds the scene: sweep a full circle */
+    saga_camera lens;    /* the rig's first camera, of which all but the
+                          * pose is used */
 } saga_orbit;
 
 /* Fails if the file has no rig, or its cameras all stand at the focus. */
-bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
-                   saga_error *error);
+bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error);
 
 /* Sets the camera at `turn` along the path, 0 to 1; 1 is the same place as
  * 0. */

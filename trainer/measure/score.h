@@ -15,8 +15,8 @@
 #include <stdbool.h>
 
 typedef struct saga_score_options {
-    bool no_ssim; /* leaves SSIM, MS-SSIM and IV-PSNR NaN, which saves time */
-    bool equirect;           /* the pictures are equirectangular: see yuv.h */
+    bool no_ssim;  /* leaves SSIM, MS-SSIM and IV-PSNR NaN, which saves time */
+    bool equirect; /* the pictures are equirectangular: see yuv.h */
     const saga_lpips *lpips; /* NULL: LPIPS stays NaN */
 } saga_score_options;
 
@@ -25,43 +25,42 @@ typedef struct saga_score_options {
  * in the order of the table. A metric that cannot be measured stays NaN. Fails
  * if memory is short. */
 typedef bool saga_metric_fn(double *value, const saga_picture_pair *pair,
-                            const saga_score_options *with,
-                            saga_error *error);
+                            const saga_score_options *with, saga_error *error);
 
 /* How a metric is averaged over pictures, some pixels of which a mask may
  * exclude. */
 typedef enum saga_metric_mean {
-    SAGA_MEAN_WHOLE,         /* the mean of values, each of a whole picture */
-    SAGA_MEAN_OF_DB,         /* the mean of PSNRs of the pixels that count */
-    SAGA_MEAN_OF_ERRORS,     /* the mean of their squared errors */
-    SAGA_PSNR_OF_ERRORS      /* the PSNR of that mean: the stored value is the
-                              * squared error, saga_score_told converts it */
+    SAGA_MEAN_WHOLE,     /* the mean of values, each of a whole picture */
+    SAGA_MEAN_OF_DB,     /* the mean of PSNRs of the pixels that count */
+    SAGA_MEAN_OF_ERRORS, /* the mean of their squared errors */
+    SAGA_PSNR_OF_ERRORS  /* the PSNR of that mean: the stored value is the
+                          * squared error, saga_score_told converts it */
 } saga_metric_mean;
 
 /* A column is shown only if this holds. */
 typedef enum saga_metric_need {
     SAGA_NEEDS_NOTHING,
-    SAGA_NEEDS_MOTION,       /* more than one frame */
+    SAGA_NEEDS_MOTION, /* more than one frame */
     SAGA_NEEDS_EQUIRECT,
     SAGA_NEEDS_LPIPS
 } saga_metric_need;
 
 typedef struct saga_metric_row {
-    const char *key;         /* name in JSON */
+    const char *key;   /* name in JSON */
     const char *label; /* heading of the column; NULL: only JSON has the
                         * metric */
-    const char *unit;        /* "dB", "%" (the value is a fraction 0..1),
-                              * "pixels", "" */
-    int better; /* 1: higher is better; -1: lower is; 0: it is no quality */
+    const char *unit;  /* "dB", "%" (the value is a fraction 0..1),
+                        * "pixels", "" */
+    int better;    /* 1: higher is better; -1: lower is; 0: it is no quality */
     bool compared; /* appears in curves, BD-rates and `saga compare` */
     int table, width, decimals; /* place and format of the column; table 0: no
                                  * column */
     saga_metric_need need;
     saga_metric_mean mean;
-    const char *protocol;    /* describes what is measured; NULL: the
-                              * description of the metric before applies */
+    const char *protocol;     /* describes what is measured; NULL: the
+                               * description of the metric before applies */
     const char *protocol_key; /* its name in JSON; NULL: key; "": left out */
-    saga_metric_fn *measure; /* NULL: evaluate.c computes it over all frames */
+    saga_metric_fn *measure;  /* NULL: evaluate.c computes it over all frames */
 } saga_metric_row;
 
 enum { SAGA_MOST_METRICS = 32 };

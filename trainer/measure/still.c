@@ -25,8 +25,8 @@ static int frame_at(int i, int n_frames)
 }
 
 /* Allocates a view's pictures, and their masks if the view has any. */
-static bool begin_view(saga_shot *to, const saga_shot *from, int n,
-                       saga_error *error)
+static bool begin_view(saga_source_view *to, const saga_source_view *from,
+                       int n, saga_error *error)
 {
     const size_t nbytes = saga_view_frame_nbytes(from);
 
@@ -44,8 +44,8 @@ static bool begin_view(saga_shot *to, const saga_shot *from, int n,
     return to->rgb && (to->mask || !from->mask);
 }
 
-static bool begin(saga_still *s, const saga_capture *part, int n_frames,
-                  saga_error *error)
+static bool begin_still(saga_still *s, const saga_capture *part, int n_frames,
+                        saga_error *error)
 {
     const size_t n = (size_t)part->n_views;
     saga_capture *const c = &s->capture;
@@ -77,7 +77,7 @@ static bool begin(saga_still *s, const saga_capture *part, int n_frames,
 
 static void take(saga_still *s, const saga_capture *part, int view, int frame)
 {
-    const saga_shot *const to = &s->capture.views[view];
+    const saga_source_view *const to = &s->capture.views[view];
     const size_t nbytes = saga_view_frame_nbytes(to);
     const uint8_t *const mask = saga_capture_mask(part, view, frame);
 
@@ -93,12 +93,15 @@ bool saga_still_add(saga_still *s, const saga_capture *part, int first,
 {
     const saga_capture *const c = &s->capture;
 
-    if (!c->views && !begin(s, part, n_frames, error))
+    if (!c->views && !begin_still(s, part, n_frames, error))
         return false;
     if (part->n_views != c->n_views)
-        return saga_fail(error, NULL, "give a longer --segment, or leave those "
-                         "cameras out", "%d cameras have pictures from frame "
-                         "%d on, %d before", part->n_views, first, c->n_views);
+        return saga_fail(error, NULL,
+                         "give a longer --segment, or leave those "
+                         "cameras out",
+                         "%d cameras have pictures from frame "
+                         "%d on, %d before",
+                         part->n_views, first, c->n_views);
     /* Takes the frames that lie in this part; later parts hold the rest. */
     while (s->n < c->n_frames) {
         const int at = frame_at(s->n, n_frames);
@@ -115,8 +118,8 @@ bool saga_still_add(saga_still *s, const saga_capture *part, int first,
 /* Returns whether pixel i of n pictures is steadily near the median. Pictures
  * that a mask excludes have the colour of the nearest picture that counts, so
  * one picture that counts is enough. */
-static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
-                      int n)
+static bool is_steady(const saga_source_view *v, const uint8_t *median,
+                      size_t i, int n)
 {
     const size_t size = saga_view_frame_nbytes(v) / 3;
     int near = 0, counts = v->mask == NULL;
@@ -126,8 +129,8 @@ static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
         bool is_near = true;
 
         for (size_t c = 0; c < 3; c++)
-            is_near = is_near && abs(rgb[c] - median[3 * i + c]) <=
-                                 SAGA_CHANGE_LEVEL;
+            is_near = is_near &&
+                      abs(rgb[c] - median[3 * i + c]) <= SAGA_CHANGE_LEVEL;
         near += is_near;
         counts |= v->mask && v->mask[k * size + i];
     }
@@ -138,7 +141,7 @@ static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
 
 /* Replaces the pictures by the median and a mask; sets no mask if all pixels
  * count. */
-static bool finish_pictures(saga_shot *v, uint8_t *median, int n,
+static bool finish_pictures(saga_source_view *v, uint8_t *median, int n,
                             saga_error *error)
 {
     const size_t size = saga_view_frame_nbytes(v) / 3;
@@ -158,10 +161,9 @@ static bool finish_pictures(saga_shot *v, uint8_t *median, int n,
     return !saga_failed(error);
 }
 
-static bool finish_view(saga_capture *c, int view, bool seen,
-                        saga_error *error)
+static bool finish_view(saga_capture *c, int view, bool seen, saga_error *error)
 {
-    saga_shot *const v = &c->views[view];
+    saga_source_view *const v = &c->views[view];
     uint8_t *const median = saga_verdict_median(c, view, error);
 
     if (!median || !finish_pictures(v, median, c->n_frames, error))
@@ -177,8 +179,7 @@ static bool finish_view(saga_capture *c, int view, bool seen,
     return v->missing != NULL;
 }
 
-bool saga_still_finish(saga_capture *capture, saga_still *s,
-                       saga_error *error)
+bool saga_still_finish(saga_capture *capture, saga_still *s, saga_error *error)
 {
     saga_capture *const c = &s->capture;
 

@@ -19,8 +19,8 @@ enum { SAGA_STILL_PICTURES = 15 };
 /* Usage: initialise with zeros, add all parts, finish. */
 typedef struct saga_still {
     saga_capture capture; /* the pictures taken so far; owned by saga_still */
-    int n;                       /* pictures taken so far of each view */
-    bool *seen; /* (views): some part had a picture of this view */
+    int n;                /* pictures taken so far of each view */
+    bool *seen;           /* (views): some part had a picture of this view */
 } saga_still;
 
 /* Takes the pictures it needs from a part, which begins with frame `first` of

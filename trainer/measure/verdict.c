@@ -8,13 +8,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-uint8_t *saga_verdict_median(const saga_capture *c, int view,
-                             saga_error *error)
+uint8_t *saga_verdict_median(const saga_capture *c, int view, saga_error *error)
 {
     const size_t n = saga_view_frame_nbytes(&c->views[view]);
     uint8_t *const median = saga_alloc(n, 1, "a median picture", error);
-    const uint8_t **const frame = saga_alloc((size_t)c->n_frames,
-                                             sizeof *frame,
+    const uint8_t **const frame = saga_alloc((size_t)c->n_frames, sizeof *frame,
                                              "a list of pictures", error);
 
     for (int i = 0; frame && i < c->n_frames; i++)
@@ -45,12 +43,14 @@ double saga_verdict_rest(const saga_verdict *v)
 {
     const double n = (double)(v->file.n_pixels - v->file.n_changing);
 
-    return n > 0 ? saga_psnr(fmax(v->error - (double)v->file.error, 0) /
-                             (3 * n)) : (double)NAN;
+    return n > 0
+               ? saga_psnr(fmax(v->error - (double)v->file.error, 0) / (3 * n))
+               : (double)NAN;
 }
 
 const char *saga_verdict_word(double psnr)
 {
-    return psnr >= SAGA_VERDICT_GOOD ? "good"
-         : psnr >= SAGA_VERDICT_BLURRED ? "fair" : "blurred";
+    return psnr >= SAGA_VERDICT_GOOD      ? "good"
+           : psnr >= SAGA_VERDICT_BLURRED ? "fair"
+                                          : "blurred";
 }

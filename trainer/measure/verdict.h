@@ -11,9 +11,9 @@
 
 /* Sums over pictures: initialise with zeros, then add pictures. */
 typedef struct saga_verdict {
-    saga_change file; /* errors of the file's pictures where pixels change, */
+    saga_change file;  /* errors of the file's pictures where pixels change, */
     saga_change still; /* errors of each view's median picture there */
-    double error; /* squared errors of the file, summed over all samples */
+    double error;      /* squared errors of the file, summed over all samples */
 } saga_verdict;
 
 /* Returns the temporal median picture of a view, which the caller releases with

@@ -18,14 +18,14 @@
 
 enum {
     TILE = 16,
-    LIST = 1 << 15,         /* splats that a band can list at a time */
-    SCRATCH_ALIGN = 64,     /* a cache line, so that threads share none */
-    JOBS_PER_THREAD = 2,    /* a job goes through all splats, so fewer jobs cost
-                             * less, but several per thread share the work
-                             * better */
-    MAX_SCRATCH = 64 << 20  /* per thread; a picture that needs more is drawn in
-                             * bands, each of which goes through all splats once
-                             * more */
+    LIST = 1 << 15,        /* splats that a band can list at a time */
+    SCRATCH_ALIGN = 64,    /* a cache line, so that threads share none */
+    JOBS_PER_THREAD = 2,   /* a job goes through all splats, so fewer jobs cost
+                            * less, but several per thread share the work
+                            * better */
+    MAX_SCRATCH = 64 << 20 /* per thread; a picture that needs more is drawn in
+                            * bands, each of which goes through all splats once
+                            * more */
 };
 
 /* --- Opening ------------------------------------------------------------- */
@@ -49,15 +49,15 @@ static bool refuse_late(const saga_film *film, saga_error *error)
 
     snprintf(remedy, sizeof remedy, "allow more with --seconds %g",
              6 * film->seconds);
-    return saga_fail(error, film->name, remedy,
-                     "decoding took more than %g s", film->seconds);
+    return saga_fail(error, film->name, remedy, "decoding took more than %g s",
+                     film->seconds);
 }
 
 /* Reports that the index, the networks or a segment are refused. If no CRC is
  * wrong, the file was written like this, perhaps by a program from before the
  * format was frozen, whose files have the number of version 1 too. */
-static bool refuse(const saga_film *film, const char *what,
-                   saga_status status, saga_error *error)
+static bool refuse(const saga_film *film, const char *what, saga_status status,
+                   saga_error *error)
 {
     const char *remedy = "`saga info` shows what is damaged, or whether "
                          "a program from before format " SAGA_FORMAT
@@ -70,7 +70,8 @@ static bool refuse(const saga_film *film, const char *what,
     /* The decoder only returns a status; a walk over the file finds which chunk
      * is damaged and whether its CRC is right. */
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
-                         &ignored) && !layout.damage[0])
+                         &ignored) &&
+        !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
                  "by a program from before format " SAGA_FORMAT
                  ": encode it again";
@@ -90,8 +91,8 @@ static bool open_decoder(saga_film *film, saga_error *error)
                                     film->name, error);
     if (!film->work)
         return false;
-    s = saga_open(&film->dec, film->work, film->info.work_nbytes,
-                  film->bytes, film->nbytes, &watch);
+    s = saga_open(&film->dec, film->work, film->info.work_nbytes, film->bytes,
+                  film->nbytes, &watch);
     film->times.head = saga_clock_seconds() - start;
     return s == SAGA_OK || refuse(film, "its networks are refused", s, error);
 }
@@ -125,8 +126,11 @@ static bool open_film(saga_film *film, saga_error *error)
 bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
                     size_t nbytes, int n_threads, saga_error *error)
 {
-    *film = (saga_film){ .name = name, .bytes = bytes, .nbytes = nbytes,
-                         .segment = -1, .n_threads = threads_of(n_threads) };
+    *film = (saga_film){ .name = name,
+                         .bytes = bytes,
+                         .nbytes = nbytes,
+                         .segment = -1,
+                         .n_threads = threads_of(n_threads) };
     return open_film(film, error);
 }
 
@@ -134,8 +138,10 @@ bool saga_film_open_within(saga_film *film, const char *name,
                            const saga_bytes *bytes, double seconds_most,
                            saga_error *error)
 {
-    *film = (saga_film){ .name = name, .bytes = bytes->data,
-                         .nbytes = bytes->nbytes, .segment = -1,
+    *film = (saga_film){ .name = name,
+                         .bytes = bytes->data,
+                         .nbytes = bytes->nbytes,
+                         .segment = -1,
                          .n_threads = threads_of(0),
                          .seconds = seconds_most };
     return open_film(film, error);
@@ -171,9 +177,10 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
     if (index >= film->info.n_cameras)
         return saga_fail(error, film->name, "`saga info` lists them",
                          "has no camera %" PRIu32 "; it has %" PRIu32
-                         " cameras", index, film->info.n_cameras);
-    const saga_status s =
-        saga_rig(camera, number, film->bytes, film->nbytes, index);
+                         " cameras",
+                         index, film->info.n_cameras);
+    const saga_status s = saga_rig(camera, number, film->bytes, film->nbytes,
+                                   index);
     return s == SAGA_OK || refuse(film, "its rig is refused", s, error);
 }
 
@@ -191,13 +198,13 @@ void saga_film_naming(const saga_film *film, uint32_t index,
 static size_t bytes_there(const saga_film *film, const saga_segment *seg)
 {
     const size_t left = seg->offset <= film->nbytes
-        ? film->nbytes - (size_t)seg->offset : 0;
+                            ? film->nbytes - (size_t)seg->offset
+                            : 0;
 
     return seg->nbytes < left ? seg->nbytes : left;
 }
 
-static bool decode(saga_film *film, const saga_segment *seg,
-                   saga_error *error)
+static bool decode(saga_film *film, const saga_segment *seg, saga_error *error)
 {
     const double start = saga_clock_seconds();
     double deadline = deadline_of(film);
@@ -212,8 +219,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
     if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
                         bytes_there(film, seg), &watch);
-    snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
-             seg->number);
+    snprintf(what, sizeof what, "segment %" PRIu32 " is refused", seg->number);
     if (s)
         return refuse(film, what, s, error);
     film->segment = seg->number;
@@ -243,8 +249,8 @@ static size_t scratch_nbytes(const saga_camera *c, int n)
     const int rows = (c->height + TILE - 1) / TILE;
     const size_t row = SAGA_JOB_NBYTES(TILE, 0) *
                        (size_t)((c->width + TILE - 1) / TILE);
-    const size_t wanted = (size_t)((rows + n - 1) / n), most =
-                       MAX_SCRATCH / row;
+    const size_t wanted = (size_t)((rows + n - 1) / n),
+                 most = MAX_SCRATCH / row;
     const size_t nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
                           row * (wanted < most ? wanted : most);
 
@@ -255,7 +261,7 @@ static size_t scratch_nbytes(const saga_camera *c, int n)
 typedef struct {
     uint8_t *pixels;
     size_t pixel_nbytes;
-    int bits;               /* per sample, as in saga_picture */
+    int bits; /* per sample, as in saga_picture */
 } target;
 
 /* Draws all rows of a job. */
@@ -278,8 +284,8 @@ static bool draw(const saga_film *film, const saga_camera *c, const target *to,
                  saga_error *error)
 {
     const int rows = (c->height + TILE - 1) / TILE;
-    const int wanted = film->n_threads > 1 ? film->n_threads *
-                                             JOBS_PER_THREAD : 1;
+    const int wanted = film->n_threads > 1 ? film->n_threads * JOBS_PER_THREAD
+                                           : 1;
     const int n = wanted < rows ? wanted : rows;
     const int n_threads = film->n_threads < n ? film->n_threads : n;
     const size_t each = scratch_nbytes(c, n);
@@ -291,7 +297,8 @@ static bool draw(const saga_film *film, const saga_camera *c, const target *to,
         return false;
 /* Jobs are whole rows of tiles and share no pixel, so their order is free. */
 #pragma omp parallel for num_threads(n_threads) schedule(dynamic) \
-    reduction(min : worst)
+    reduction(min                                                 \
+              : worst)
     for (int i = 0; i < n; i++) {
         saga_job job = { .scratch = scratch + saga_thread_number() * each,
                          .scratch_nbytes = each };
@@ -310,8 +317,8 @@ bool saga_film_seek(saga_film *film, uint32_t frame_num, uint32_t frame_den,
                     int32_t *t, saga_error *error)
 {
     saga_segment seg;
-    const saga_status s = saga_find(&seg, film->bytes, film->nbytes,
-                                    frame_num, frame_den);
+    const saga_status s = saga_find(&seg, film->bytes, film->nbytes, frame_num,
+                                    frame_den);
 
     if (s == SAGA_ERR_ARG)
         return saga_fail(error, film->name, "give a time inside it",
@@ -372,6 +379,7 @@ bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
      * suffice. */
     const uint32_t den = late > 0.0 && frame < 65535 ? 65536 : 1;
 
-    return saga_film_draw(film, camera, frame * den +
-                          (uint32_t)lrint(late * (den - 1)), den, rgb, error);
+    return saga_film_draw(film, camera,
+                          frame * den + (uint32_t)lrint(late * (den - 1)), den,
+                          rgb, error);
 }

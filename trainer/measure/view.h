@@ -21,14 +21,14 @@ typedef struct saga_stage_times {
 } saga_stage_times;
 
 typedef struct saga_film {
-    const char *name;        /* for messages; owned by the caller */
-    const uint8_t *bytes;    /* the whole file; owned by the caller */
+    const char *name;     /* for messages; owned by the caller */
+    const uint8_t *bytes; /* the whole file; owned by the caller */
     size_t nbytes;
     saga_info info;
     saga_metric metric;
     saga_decoder *dec;
     void *work;
-    int64_t segment;         /* the decoded segment; -1: none */
+    int64_t segment; /* the decoded segment; -1: none */
     int n_threads;
     double seconds; /* limit for decoding the head or a segment; 0: none */
     saga_stage_times times;

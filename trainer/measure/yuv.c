@@ -8,8 +8,8 @@
 #include <string.h>
 
 enum {
-    RANGE = 2,               /* radius of IV-PSNR's search, in pixels */
-    MOST_SHIFT = 2,          /* largest shift of colour: 1 % of 255 */
+    RANGE = 2,      /* radius of IV-PSNR's search, in pixels */
+    MOST_SHIFT = 2, /* largest shift of colour: 1 % of 255 */
     LUMA_WEIGHT = 4 /* weight of luma in IV-PSNR; each chroma plane has 1 */
 };
 
@@ -91,10 +91,10 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
                 /* Coordinates in the picture; samples outside repeat the
                  * border. */
                 const int fx = x - RANGE, fy = y - RANGE;
-                const int ix = fx < 0 ? 0 : fx < of->width ? fx
-                                                           : of->width - 1;
-                const int iy = fy < 0 ? 0 : fy < of->height ? fy
-                                                            : of->height - 1;
+                const int ix = fx < 0 ? 0 : fx < of->width ? fx : of->width - 1;
+                const int iy = fy < 0            ? 0
+                               : fy < of->height ? fy
+                                                 : of->height - 1;
 
                 w->v[c][(ptrdiff_t)y * w->stride + x] =
                     from[c][(ptrdiff_t)iy * of->width + ix] + shift[c];
@@ -199,8 +199,8 @@ static bool one_way(double *psnr, const wide *a, const wide *b,
     return true;
 }
 
-static bool iv_psnr(double *value, const saga_yuv *made,
-                    const saga_yuv *truth, bool equirect, saga_error *error)
+static bool iv_psnr(double *value, const saga_yuv *made, const saga_yuv *truth,
+                    bool equirect, saga_error *error)
 {
     const size_t n = (size_t)made->width * (size_t)made->height;
     static const int none[3] = { 0, 0, 0 };
@@ -237,8 +237,8 @@ bool saga_yuv_compare(saga_yuv_score *score, const saga_picture_pair *of,
         score->psnr[0] = saga_psnr(saga_mse(a.y, b.y, n));
         score->psnr[1] = saga_psnr(saga_mse(a.u, b.u, n));
         score->psnr[2] = saga_psnr(saga_mse(a.v, b.v, n));
-        score->psnr_yuv = (6.0 * score->psnr[0] + score->psnr[1] +
-                           score->psnr[2]) / 8.0;
+        score->psnr_yuv =
+            (6.0 * score->psnr[0] + score->psnr[1] + score->psnr[2]) / 8.0;
         score->ws_psnr = ws_psnr(&a, &b, equirect);
     }
     if (ok && iv)

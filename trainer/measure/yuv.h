@@ -15,7 +15,7 @@
 /* One picture's planes. They share one allocation: release y with free(). */
 typedef struct saga_yuv {
     int width, height;
-    uint8_t *y, *u, *v;      /* (height, width) each */
+    uint8_t *y, *u, *v; /* (height, width) each */
 } saga_yuv;
 
 bool saga_yuv_of(saga_yuv *yuv, const uint8_t *rgb, int width, int height,
@@ -25,7 +25,7 @@ bool saga_yuv_of(saga_yuv *yuv, const uint8_t *rgb, int width, int height,
  * a sum of squares is at least 1. */
 typedef struct saga_yuv_score {
     double psnr[3], psnr_yuv;
-    double ws_psnr;          /* WS-PSNR of Y; equals psnr[0] unless equirect */
+    double ws_psnr; /* WS-PSNR of Y; equals psnr[0] unless equirect */
     double iv_psnr;
 } saga_yuv_score;
 

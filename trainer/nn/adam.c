@@ -37,8 +37,8 @@ typedef struct {
     const saga_adam *adam;
     const saga_adam_tensor *tensor;
     size_t n_tensors, n_slices;
-    double c1, c2;               /* 1 - beta^step */
-    atomic_bool is_unsound;      /* something is not finite */
+    double c1, c2;          /* 1 - beta^step */
+    atomic_bool is_unsound; /* something is not finite */
 } job;
 
 static saga_range slice_of(const job *j, const saga_adam_tensor *t, size_t k)
@@ -74,8 +74,8 @@ static bool blame(const real *x, const char *what, const saga_adam_tensor *t,
     return i == t->n ||
            saga_fail(error, NULL, "try another --seed, and report this error",
                      "number "
-                     "%zu of the %s of the %s is not finite at step %llu", i,
-                     what, t->name, (unsigned long long)step);
+                     "%zu of the %s of the %s is not finite at step %llu",
+                     i, what, t->name, (unsigned long long)step);
 }
 
 /* The factors of a step x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
@@ -110,8 +110,8 @@ static void step_part(const saga_adam_tensor *t, size_t begin, size_t n,
     for (i = 0; i + VEC_LANES <= n; i += VEC_LANES) {
         mi = vec_load(m + i);
         vi = vec_load(v + i);
-        vec_store(x + i, vec_load(x + i) - step_of(&mi, &vi, vec_load(g + i),
-                                                   f));
+        vec_store(x + i,
+                  vec_load(x + i) - step_of(&mi, &vi, vec_load(g + i), f));
         vec_store(m + i, mi);
         vec_store(v + i, vi);
     }
@@ -138,12 +138,14 @@ static factors factors_of(const saga_adam_tensor *t, const job *j)
 {
     const saga_adam *const a = j->adam;
 
-    return (factors){
-        vec_set1(a->beta1), vec_set1(1 - a->beta1),
-        vec_set1(a->beta2), vec_set1(1 - a->beta2),
-        vec_set1(R((double)t->rate / j->c1)), vec_set1(R(1 / sqrt(j->c2))),
-        vec_set1(a->eps), vec_set1(a->most)
-    };
+    return (factors){ vec_set1(a->beta1),
+                      vec_set1(1 - a->beta1),
+                      vec_set1(a->beta2),
+                      vec_set1(1 - a->beta2),
+                      vec_set1(R((double)t->rate / j->c1)),
+                      vec_set1(R(1 / sqrt(j->c2))),
+                      vec_set1(a->eps),
+                      vec_set1(a->most) };
 }
 
 static void step_slice(void *user, size_t k)
@@ -164,7 +166,9 @@ static void step_slice(void *user, size_t k)
 bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
                       size_t n_tensors, uint64_t step, saga_error *error)
 {
-    job j = { .adam = adam, .tensor = tensors, .n_tensors = n_tensors,
+    job j = { .adam = adam,
+              .tensor = tensors,
+              .n_tensors = n_tensors,
               .c1 = 1 - pow((double)adam->beta1, (double)step),
               .c2 = 1 - pow((double)adam->beta2, (double)step) };
     size_t n = 0, k;
@@ -174,7 +178,8 @@ bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
     /* Everything is checked before anything is changed. The number that is not
      * finite is only searched if there is one. */
     j.n_slices = saga_n_parts(n, SLICE);
-    saga_parallel(&(saga_tasks){ .run = check_slice, .user = &j,
+    saga_parallel(&(saga_tasks){ .run = check_slice,
+                                 .user = &j,
                                  .n = j.n_slices,
                                  .ns = CHECK_NS * (double)n });
     if (atomic_load(&j.is_unsound))
@@ -182,7 +187,9 @@ bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
             if (!blame(tensors[k].g, "gradients", tensors + k, step, error) ||
                 !blame(tensors[k].x, "values", tensors + k, step, error))
                 return false;
-    saga_parallel(&(saga_tasks){ .run = step_slice, .user = &j,
-                                 .n = j.n_slices, .ns = STEP_NS * (double)n });
+    saga_parallel(&(saga_tasks){ .run = step_slice,
+                                 .user = &j,
+                                 .n = j.n_slices,
+                                 .ns = STEP_NS * (double)n });
     return true;
 }

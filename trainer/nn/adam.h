@@ -14,18 +14,18 @@
 
 typedef struct saga_adam {
     real beta1, beta2, eps;
-    real most;               /* limit of a gradient, in root mean squares; above
-                              * 1 / sqrt(1 - beta2) it has no effect */
+    real most; /* limit of a gradient, in root mean squares; above
+                * 1 / sqrt(1 - beta2) it has no effect */
 } saga_adam;
 
 /* Each tensor has a learning rate of its own. */
 typedef struct saga_adam_tensor {
-    const char *name;        /* for the error */
+    const char *name; /* for the error */
     real *x;
-    const real *g;           /* gradient */
-    real *m, *v;             /* moments, zero before the first step */
+    const real *g; /* gradient */
+    real *m, *v;   /* moments, zero before the first step */
     size_t n;
-    real rate;               /* 0: the tensor and its moments do not change */
+    real rate; /* 0: the tensor and its moments do not change */
 } saga_adam_tensor;
 
 #define saga_adam_default SAGA_REAL_NAME(saga_adam_default)

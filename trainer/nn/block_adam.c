@@ -19,7 +19,7 @@ typedef struct {
     const saga_block_adam *b;
     const saga_adam *adam;
     uint64_t step;
-    real c1, c2;                 /* 1 - beta^step */
+    real c1, c2; /* 1 - beta^step */
 } job;
 
 /* Returns the dot product as four interleaved sums, so that the compiler can
@@ -68,8 +68,7 @@ static void orthogonalise(real *y, size_t k, size_t n)
 /* Rotates a block's axes towards the eigenvectors of its covariance, by one
  * step of orthogonal iteration, which converges over the updates. m is rotated
  * with them; v is computed from the covariance for the new axes. */
-static void turn(real *axes, real *m, real *v, const real *covariance,
-                 size_t n)
+static void turn(real *axes, real *m, real *v, const real *covariance, size_t n)
 {
     real y[SAGA_MAX_FEATURES * SAGA_MAX_FEATURES];
     real world[SAGA_MAX_FEATURES] = { 0 };
@@ -130,8 +129,7 @@ static void step_block(const job *j, size_t i)
     for (size_t k = 0; k < n; k++) {
         const real sigma = sqrt(fmax(v[k], R(0)) / j->c2) + a->eps;
 
-        m[k] = a->beta1 * m[k] +
-               (1 - a->beta1) * clamp(r[k], a->most * sigma);
+        m[k] = a->beta1 * m[k] + (1 - a->beta1) * clamp(r[k], a->most * sigma);
         add(b->x + i * n, -b->rate * m[k] / (j->c1 * sigma), axes + k * n, n);
     }
 }
@@ -158,11 +156,15 @@ void saga_block_adam_begin(const saga_block_adam *b)
 void saga_block_adam_update(const saga_block_adam *b, const saga_adam *adam,
                             uint64_t step)
 {
-    job j = { .b = b, .adam = adam, .step = step,
+    job j = { .b = b,
+              .adam = adam,
+              .step = step,
               .c1 = R(1 - pow((double)adam->beta1, (double)step)),
               .c2 = R(1 - pow((double)adam->beta2, (double)step)) };
 
-    saga_parallel(&(saga_tasks){
-        .run = step_part, .user = &j, .n = saga_n_parts(b->n, BLOCKS),
-        .ns = ENTRY_NS * (double)(b->n * b->width * b->width) });
+    saga_parallel(
+        &(saga_tasks){ .run = step_part,
+                       .user = &j,
+                       .n = saga_n_parts(b->n, BLOCKS),
+                       .ns = ENTRY_NS * (double)(b->n * b->width * b->width) });
 }

@@ -24,13 +24,13 @@ enum { SAGA_BLOCK_TURN_EVERY = 50 };
 /* n blocks of `width` numbers, at most SAGA_MAX_FEATURES. Everything except
  * gradient and rate is state, owned by the caller. */
 typedef struct saga_block_adam {
-    real *x;                 /* (n, width) */
-    const real *g;           /* (n, width) gradients */
-    real *m, *v;             /* (n, width) moments along the axes, zero before
-                              * the first step */
-    real *covariance;        /* (n, width, width), zero before the first step */
-    real *axes;              /* (n, width, width) rows are axes; set by
-                              * saga_block_adam_begin */
+    real *x;          /* (n, width) */
+    const real *g;    /* (n, width) gradients */
+    real *m, *v;      /* (n, width) moments along the axes, zero before
+                       * the first step */
+    real *covariance; /* (n, width, width), zero before the first step */
+    real *axes;       /* (n, width, width) rows are axes; set by
+                       * saga_block_adam_begin */
     size_t n, width;
     real rate;
 } saga_block_adam;

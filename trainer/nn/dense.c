@@ -34,7 +34,7 @@ static vec rectify(vec x)
 typedef struct {
     const real *x, *w, *bias;
     real *y;
-    size_t x_stride, stride;   /* stride: of y and w */
+    size_t x_stride, stride; /* stride: of y and w */
     size_t n_in;
     int relu;
 } tile;
@@ -120,8 +120,8 @@ void saga_dense_forward(real *y, const saga_dense *layer,
                         const saga_dense_rows *x)
 {
     const size_t width = saga_dense_pad(layer->n_out);
-    const tile t = { x->at, layer->w, layer->bias, y, x->stride, width,
-                     x->width, layer->relu };
+    const tile t = { x->at,     layer->w, layer->bias, y,
+                     x->stride, width,    x->width,    layer->relu };
     size_t row, column, i;
 
     /* Whole tiles come first, next to them the columns that do not fill a tile,
@@ -143,7 +143,7 @@ void saga_dense_forward(real *y, const saga_dense *layer,
 typedef struct {
     real *dw;
     const real *dy, *x;
-    size_t dy_stride, stride;  /* stride: of dw and x */
+    size_t dy_stride, stride; /* stride: of dw and x */
     size_t n;
 } outer;
 
@@ -243,8 +243,12 @@ void saga_dense_backward(real *dw, const saga_dense_rows *dy,
     for (i = 0; i < dy->n; i += CHUNK) {
         /* Chunks are the same in every build, so sums have the same order. */
         const size_t left = dy->n - i;
-        const outer t = { dw, dy->at + i * dy->stride, x->at + i * x->stride,
-                          dy->stride, x->stride, left < CHUNK ? left : CHUNK };
+        const outer t = { dw,
+                          dy->at + i * dy->stride,
+                          x->at + i * x->stride,
+                          dy->stride,
+                          x->stride,
+                          left < CHUNK ? left : CHUNK };
 
         outer_chunk(&t, dy->width);
     }

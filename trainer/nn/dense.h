@@ -27,8 +27,8 @@ typedef struct saga_dense_rows {
 
 /* A layer with n_out outputs; relu = 1 sets negative outputs to 0. */
 typedef struct saga_dense {
-    const real *w;               /* (n_in, pad(n_out)), padded */
-    const real *bias;            /* (pad(n_out)), padded; NULL: 0 */
+    const real *w;    /* (n_in, pad(n_out)), padded */
+    const real *bias; /* (pad(n_out)), padded; NULL: 0 */
     size_t n_out;
     int relu;
 } saga_dense;

@@ -14,8 +14,8 @@
 
 enum {
     CHUNK = SAGA_NET_CHUNK,
-    MAX_BLOCKS = 32,     /* separate sums of gradients */
-    MIN_BLOCK = 512      /* points */
+    MAX_BLOCKS = 32, /* separate sums of gradients */
+    MIN_BLOCK = 512  /* points */
 };
 
 /* Nanoseconds to add one number of one block. */
@@ -74,7 +74,9 @@ void saga_net_init(saga_net *net, unsigned long long seed)
 
 /* One layer in work->packed: transposed (dim[l], pad(l + 1)), bias
  * (pad(l + 1)), not transposed (dim[l + 1], pad(l)). */
-typedef struct { const real *across, *bias, *along; } layer_weights;
+typedef struct {
+    const real *across, *bias, *along;
+} layer_weights;
 
 static size_t layer_size(const saga_net *net, int l)
 {
@@ -173,8 +175,7 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
     for (i = 0; i < n; i++) {
         memcpy(to + i * to_stride, from + i * from_stride, len * sizeof *to);
         if (to_stride > len)
-            memset(to + i * to_stride + len, 0,
-                   (to_stride - len) * sizeof *to);
+            memset(to + i * to_stride + len, 0, (to_stride - len) * sizeof *to);
     }
 }
 
@@ -212,8 +213,9 @@ static void forward_chunk(const pass *p, size_t begin)
          * is written to y if its rows need no padding, otherwise to the scratch
          * first. */
         real *const out = l < last
-            ? p->work->hidden[l] + begin * pad(net, l + 1)
-            : whole ? p->y + begin * n_out : scratch;
+                              ? p->work->hidden[l] + begin * pad(net, l + 1)
+                          : whole ? p->y + begin * n_out
+                                  : scratch;
 
         saga_dense_forward(out, &layer, &in);
         in = (saga_dense_rows){ out, n, dim(net, l + 1), pad(net, l + 1) };
@@ -249,9 +251,11 @@ void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
     pass p = { .net = net, .work = work, .x = x, .y = y, .m = m };
 
     saga_net_begin(&p);
-    saga_parallel(&(saga_tasks){
-        .run = run_chunk, .user = &p, .n = saga_n_parts(m, CHUNK),
-        .ns = saga_net_ns(net) * (double)m, .most = work->n_threads });
+    saga_parallel(&(saga_tasks){ .run = run_chunk,
+                                 .user = &p,
+                                 .n = saga_n_parts(m, CHUNK),
+                                 .ns = saga_net_ns(net) * (double)m,
+                                 .most = work->n_threads });
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -295,8 +299,7 @@ static const real *input_of(const pass *p, int l, size_t begin, size_t n,
 
 /* Adds the gradients of n points to partial. The scratch holds the padded input
  * and, alternately, two gradients. */
-static void backward_chunk(real *partial, const pass *p, size_t begin,
-                           size_t n)
+static void backward_chunk(real *partial, const pass *p, size_t begin, size_t n)
 {
     const saga_net *const net = p->net;
     const size_t area = CHUNK * widest(net);
@@ -309,7 +312,7 @@ static void backward_chunk(real *partial, const pass *p, size_t begin,
     for (l = net->n_layers - 1; l >= 0; l--) {
         const size_t n_in = dim(net, l), stride = pad(net, l);
         const saga_dense_rows in = { input_of(p, l, begin, n, scratch), n, n_in,
-                               stride };
+                                     stride };
         const saga_dense back = { .w = weights_of(p->work, net, l).along,
                                   .n_out = n_in };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
@@ -392,7 +395,10 @@ void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
     }
 }
 
-typedef struct { pass p; saga_net *d; } back;
+typedef struct {
+    pass p;
+    saga_net *d;
+} back;
 
 static void run_block(void *user, size_t block)
 {
@@ -410,17 +416,20 @@ void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                        const real *dy, const real *x, size_t m,
                        const saga_net *net)
 {
-    back b = { { .net = net, .work = work, .x = x, .dy = dy, .dx = dx,
-                 .m = m }, d };
+    back b = { { .net = net, .work = work, .x = x, .dy = dy, .dx = dx, .m = m },
+               d };
     const size_t n_blocks = saga_net_n_blocks(m);
 
     assert(m <= work->n_points);
-    saga_parallel(&(saga_tasks){
-        .run = run_block, .user = &b, .n = n_blocks,
-        .ns = 2 * saga_net_ns(net) * (double)m, .most = work->n_threads });
-    saga_parallel(&(saga_tasks){
-        .run = run_sum, .user = &b, .n = saga_net_n_sums(net),
-        .ns = saga_net_sums_ns(net, m) });
+    saga_parallel(&(saga_tasks){ .run = run_block,
+                                 .user = &b,
+                                 .n = n_blocks,
+                                 .ns = 2 * saga_net_ns(net) * (double)m,
+                                 .most = work->n_threads });
+    saga_parallel(&(saga_tasks){ .run = run_sum,
+                                 .user = &b,
+                                 .n = saga_net_n_sums(net),
+                                 .ns = saga_net_sums_ns(net, m) });
 }
 
 /* --- Memory -------------------------------------------------------------- */
@@ -448,7 +457,8 @@ bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
     /* The number of blocks of m points (block_size); fewer points give no
      * more. */
     const size_t n_blocks = m < MIN_BLOCK * MAX_BLOCKS
-        ? (m + MIN_BLOCK - 1) / MIN_BLOCK : MAX_BLOCKS;
+                                ? (m + MIN_BLOCK - 1) / MIN_BLOCK
+                                : MAX_BLOCKS;
     bool ok = true;
     int l;
 

@@ -78,9 +78,9 @@ void saga_net_free(saga_net_work *work);
 typedef struct saga_net_pass {
     const saga_net *net;
     saga_net_work *work;
-    const real *x, *dy;          /* (M, dim[0]), (M, dim[n_layers]) */
+    const real *x, *dy; /* (M, dim[0]), (M, dim[n_layers]) */
     real *y, *dx;
-    size_t m;                    /* number of points */
+    size_t m; /* number of points */
 } saga_net_pass;
 
 /* The number of points that go through all layers together. */

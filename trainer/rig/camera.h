@@ -11,7 +11,7 @@
 #include "saga.h"
 
 typedef struct saga_metric {
-    double unit, centre[3];  /* in metres */
+    double unit, centre[3]; /* in metres */
 } saga_metric;
 
 static inline double saga_metric_width(const saga_metric *m)
@@ -31,16 +31,17 @@ saga_metric saga_metric_of(const saga_info *info);
  *   near       near_metres over the unit, to nearest, at least 1
  * Returns false with *error set if a value exceeds the range given in
  * saga.h. */
-bool saga_camera_of_shot(saga_camera *camera, const saga_metric *metric,
-                         const saga_shot *shot, double near_metres,
-                         saga_error *error);
+bool saga_camera_of_source_view(saga_camera *camera, const saga_metric *metric,
+                                const saga_source_view *view,
+                                double near_metres, saga_error *error);
 
 /* Does the reverse, up to rounding. Other members, such as name and near_depth,
  * are left unchanged. */
-void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
-                         const saga_camera *camera);
+void saga_source_view_of_camera(saga_source_view *view,
+                                const saga_metric *metric,
+                                const saga_camera *camera);
 
-/* Sets centre to the position of a shot's camera, in metres. */
-void saga_shot_centre(double centre[3], const saga_shot *shot);
+/* Sets centre to the position of a view's camera, in metres. */
+void saga_source_view_centre(double centre[3], const saga_source_view *view);
 
 #endif

@@ -17,9 +17,9 @@
 #include <stdlib.h>
 
 enum {
-    GRID = 9,             /* samples per side of a view's picture */
-    LAYERS = 6,           /* sampled depths, even in 1 / depth */
-    MIN_POINTS = 12       /* least points in a view for a range of depths */
+    GRID = 9,       /* samples per side of a view's picture */
+    LAYERS = 6,     /* sampled depths, even in 1 / depth */
+    MIN_POINTS = 12 /* least points in a view for a range of depths */
 };
 
 /* Cameras are at one place if they differ by less than this part of their
@@ -31,7 +31,7 @@ enum {
 #define NEAR_SLACK 0.6
 #define FAR_SLACK 1.5
 
-static bool inside(const saga_shot *v, const double *uv)
+static bool inside(const saga_source_view *v, const double *uv)
 {
     return uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width && uv[1] < v->height;
 }
@@ -67,14 +67,14 @@ static double baseline(double *mean, const saga_capture *c)
     for (int v = 0; v < c->n_views; v++) {
         double x[3];
 
-        saga_shot_centre(x, c->views + v);
+        saga_source_view_centre(x, c->views + v);
         for (int i = 0; i < 3; i++)
             mean[i] += x[i] / c->n_views;
     }
     for (int v = 0; v < c->n_views; v++) {
         double x[3];
 
-        saga_shot_centre(x, c->views + v);
+        saga_source_view_centre(x, c->views + v);
         for (int i = 0; i < 3; i++)
             sum += (x[i] - mean[i]) * (x[i] - mean[i]) / c->n_views;
     }
@@ -96,7 +96,7 @@ static double focus(double *x, const saga_capture *c)
         const double *const d = c->views[v].rotation + 6;
         double p[3];
 
-        saga_shot_centre(p, c->views + v);
+        saga_source_view_centre(p, c->views + v);
         for (int i = 0; i < 3; i++) {
             axis[i] += d[i];
             for (int j = 0; j < 3; j++) {
@@ -127,7 +127,7 @@ static double focus(double *x, const saga_capture *c)
 static bool range_of_points(double *range, const saga_capture *c, int view,
                             double *scratch)
 {
-    const saga_shot *const v = c->views + view;
+    const saga_source_view *const v = c->views + view;
     size_t n = 0;
 
     for (size_t i = 0; i < c->n_points; i++) {
@@ -145,8 +145,8 @@ static bool range_of_points(double *range, const saga_capture *c, int view,
     return range[1] > range[0];
 }
 
-static void range_of_focus(double *range, const saga_shot *v, const double *x,
-                           double base)
+static void range_of_focus(double *range, const saga_source_view *v,
+                           const double *x, double base)
 {
     double p[3];
     double z;
@@ -165,7 +165,7 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
     const double base = focus(x, c);
 
     for (int v = 0; v < c->n_views; v++) {
-        const saga_shot *const w = c->views + v;
+        const saga_source_view *const w = c->views + v;
         double *const r = range + 2 * (size_t)v;
 
         /* The range in the capture comes first, with a little slack, then
@@ -208,15 +208,15 @@ static void include(double lo[3], double hi[3], const double *x)
     }
 }
 
-static void sample_world(double *x, const saga_shot *v, const double *range,
-                         int i)
+static void sample_world(double *x, const saga_source_view *v,
+                         const double *range, int i)
 {
     const double uv[2] = { (i % GRID) * v->width / (GRID - 1.0),
                            (i / GRID % GRID) * v->height / (GRID - 1.0) };
     const double k = (i / GRID / GRID) / (LAYERS - 1.0);
 
-    saga_view_lift(v, uv, 1 / (1 / range[0] +
-                               k * (1 / range[1] - 1 / range[0])), x);
+    saga_view_lift(v, uv,
+                   1 / (1 / range[0] + k * (1 / range[1] - 1 / range[0])), x);
 }
 
 /* Extends lo..hi by the samples that at least n_needed training views see.

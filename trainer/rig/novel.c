@@ -80,8 +80,8 @@ static void turn(double r[9], const double *a, const double *b, double u)
 }
 
 /* Makes a camera at the part u of the way from a to b, with the lens of a. */
-static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
-                  double u)
+static void place(saga_source_view *out, const saga_source_view *a,
+                  const saga_source_view *b, double u)
 {
     double from[3], to[3];
 
@@ -93,8 +93,8 @@ static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
     out->cx = a->cx;
     out->cy = a->cy;
     turn(out->rotation, a->rotation, b->rotation, u);
-    saga_shot_centre(from, a);
-    saga_shot_centre(to, b);
+    saga_source_view_centre(from, a);
+    saga_source_view_centre(to, b);
     /* The translation of world to camera is t = -R c. */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
@@ -111,19 +111,19 @@ static double depth_of(const saga_pictures *p, int view)
  * infinity if they look in different directions. */
 static double apart(const saga_pictures *p, int v, int w)
 {
-    const saga_shot *const a = &p->capture->views[v];
-    const saga_shot *const b = &p->capture->views[w];
+    const saga_source_view *const a = &p->capture->views[v];
+    const saga_source_view *const b = &p->capture->views[w];
     double x[3], y[3], square = 0, same = 0;
 
-    saga_shot_centre(x, a);
-    saga_shot_centre(y, b);
+    saga_source_view_centre(x, a);
+    saga_source_view_centre(y, b);
     for (int i = 0; i < 3; i++) {
         square += (x[i] - y[i]) * (x[i] - y[i]);
         same += a->rotation[6 + i] * b->rotation[6 + i];
     }
-    return same > SAME_WAY
-        ? 2 * atan(sqrt(square) / 2 / fmin(depth_of(p, v), depth_of(p, w)))
-        : INFINITY;
+    return same > SAME_WAY ? 2 * atan(sqrt(square) / 2 /
+                                      fmin(depth_of(p, v), depth_of(p, w)))
+                           : INFINITY;
 }
 
 /* Finds the nearest views of training view k, as indices into p->train; between
@@ -136,8 +136,7 @@ static int find_neighbours(int near[N_NEIGHBOURS], const saga_pictures *p,
     int n = 0;
 
     for (int i = 0; i < p->n_train; i++) {
-        const double d = i == k ? INFINITY
-                                : apart(p, p->train[k], p->train[i]);
+        const double d = i == k ? INFINITY : apart(p, p->train[k], p->train[i]);
 
         if (d < MOST_ANGLE)
             n = saga_nearest_add(near, far, n, N_NEIGHBOURS, i, d);
@@ -169,9 +168,9 @@ static void place_around(saga_novel *o, const saga_pictures *p, int k)
         if (near[j] < k && is_neighbour(p, near[j], k))
             continue;
         for (int i = 0; i < N_BETWEEN; i++) {
-            place(&o->shot[o->n_shots], &p->capture->views[v],
+            place(&o->view[o->n_views], &p->capture->views[v],
                   &p->capture->views[w], (i + 0.5) / N_BETWEEN);
-            o->nearest[o->n_shots++] = fmin(p->range[2 * v], p->range[2 * w]);
+            o->nearest[o->n_views++] = fmin(p->range[2 * v], p->range[2 * w]);
         }
     }
 }
@@ -181,13 +180,13 @@ bool saga_novel_init(saga_novel *o, const saga_pictures *p, saga_error *error)
     const size_t most = (size_t)p->n_train * N_NEIGHBOURS * N_BETWEEN;
 
     memset(o, 0, sizeof *o);
-    o->shot = saga_calloc(most, sizeof *o->shot, what, error);
+    o->view = saga_calloc(most, sizeof *o->view, what, error);
     o->nearest = saga_calloc(most, sizeof *o->nearest, what, error);
     o->part = p->capture->n_frames > 1 ? MOVING_PART : STILL_PART;
-    for (int k = 0; o->shot && o->nearest && k < p->n_train; k++)
+    for (int k = 0; o->view && o->nearest && k < p->n_train; k++)
         place_around(o, p, k);
-    if (o->shot && o->nearest &&
-        (o->n_shots == 0 || saga_pictures_canvas(&o->canvas, p, error)))
+    if (o->view && o->nearest &&
+        (o->n_views == 0 || saga_pictures_canvas(&o->canvas, p, error)))
         return true;
     saga_novel_free(o);
     return false;
@@ -197,7 +196,7 @@ void saga_novel_free(saga_novel *o)
 {
     for (int k = 0; k < o->n_teachers; k++)
         saga_params_free(&o->teacher[k]);
-    free(o->shot);
+    free(o->view);
     free(o->nearest);
     saga_canvas_free(&o->canvas);
     memset(o, 0, sizeof *o);
@@ -235,8 +234,8 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
         if (head[0] < 1 || head[0] > most || head[1] > SAGA_ATTRS_ALL ||
             (head[1] & LEAST_SET) != LEAST_SET)
             c->failed = true;
-        if (c->failed || !saga_params_alloc(p, (uint32_t)head[1],
-                                            (size_t)head[0], error)) {
+        if (c->failed ||
+            !saga_params_alloc(p, (uint32_t)head[1], (size_t)head[0], error)) {
             c->failed = true;
             return;
         }
@@ -244,9 +243,10 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
     }
     for (int a = 0; a < SAGA_N_ATTRS; a++)
         if (p->of[a])
-            saga_checkpoint_walk(c, p->of[a], (size_t)o->n[k] *
-                                 (size_t)saga_attributes[a].width *
-                                 sizeof(real));
+            saga_checkpoint_walk(c, p->of[a],
+                                 (size_t)o->n[k] *
+                                     (size_t)saga_attributes[a].width *
+                                     sizeof(real));
 }
 
 void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
@@ -267,8 +267,7 @@ void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
 
 /* --- Pictures ------------------------------------------------------------ */
 
-saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
-                            uint64_t draw)
+saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng, uint64_t draw)
 {
     /* n is the number of teachers' pictures before this one. This picture is a
      * teacher's if the number grows with it. */
@@ -279,12 +278,11 @@ saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
 
     if (n == next)
         return saga_pictures_pick(p, rng, draw - n);
-    return (saga_sample){
-        .view = p->capture->n_views +
-                (int)saga_rng_below(r, 2 * n, (uint32_t)p->novel->n_shots),
-        .frame = (int)saga_rng_below(r, 2 * n + 1,
-                                     (uint32_t)p->capture->n_frames)
-    };
+    return (saga_sample){ .view = p->capture->n_views +
+                                  (int)saga_rng_below(
+                                      r, 2 * n, (uint32_t)p->novel->n_views),
+                          .frame = (int)saga_rng_below(
+                              r, 2 * n + 1, (uint32_t)p->capture->n_frames) };
 }
 
 /* Sets the truth to the mean of what the teachers draw, clipped to 0..1. */

@@ -17,22 +17,22 @@
 enum { SAGA_NOVEL_MOST_TEACHERS = 8 };
 
 typedef struct saga_novel {
-    saga_shot *shot;      /* (n_shots) cameras, without pictures */
-    double *nearest;      /* (n_shots) nearest depth, world units */
-    int n_shots;
-    double part;          /* share of training pictures that are from these
-                           * cameras */
-    int n_teachers;       /* so far */
+    saga_source_view *view; /* (n_views) cameras, without pictures */
+    double *nearest;        /* (n_views) nearest depth, world units */
+    int n_views;
+    double part;    /* share of training pictures that are from these
+                     * cameras */
+    int n_teachers; /* so far */
     /* Copies of the teachers' primitives. */
     saga_splat_params teacher[SAGA_NOVEL_MOST_TEACHERS];
     uint32_t n[SAGA_NOVEL_MOST_TEACHERS]; /* number of primitives of each */
-    saga_canvas canvas;   /* draws a teacher's picture */
+    saga_canvas canvas;                   /* draws a teacher's picture */
 } saga_novel;
 
 /* Places cameras by the training views (held-out views are not used): three
  * between a view and each of the two nearest views that look in a similar
  * direction. Those must be at most 40 degrees apart as seen from the middle of
- * the scene, and no view may be within 10. n_shots is 0 if no view has such
+ * the scene, and no view may be within 10. n_views is 0 if no view has such
  * neighbours. Returns false with *error set, and nothing to free, if memory is
  * short. */
 bool saga_novel_init(saga_novel *novel, const saga_pictures *pictures,

@@ -17,29 +17,33 @@ enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
 enum { ROWS = 8 };
 #define SAMPLE_NS 0.5
 
-#define NEAR_PART 0.3            /* near plane, over the view's nearest depth */
-#define BACKGROUND_PART 0.1      /* least part of all pixels that have exactly
-                                  * the background's colour */
+#define NEAR_PART 0.3 /* near plane, over the view's nearest depth */
+/* Least part of all pixels that have exactly the background's colour. */
+#define BACKGROUND_PART 0.1
 
 static bool find_views(saga_pictures *p, saga_error *error)
 {
     const saga_capture *const c = p->capture;
 
     for (int v = 0; v < c->n_views; v++) {
-        const saga_shot *const s = &c->views[v];
+        const saga_source_view *const s = &c->views[v];
 
         if (s->held_out || s->n_missing == c->n_frames)
             continue;
         if (s->width < MIN_SIDE || s->height < MIN_SIDE)
-            return saga_fail(error, NULL, "use larger pictures or a larger "
-                             "--scale", "view %s is %d x %d pixels, at least "
-                             "%d x %d are needed", s->name, s->width,
-                             s->height, MIN_SIDE, MIN_SIDE);
+            return saga_fail(error, NULL,
+                             "use larger pictures or a larger "
+                             "--scale",
+                             "view %s is %d x %d pixels, at least "
+                             "%d x %d are needed",
+                             s->name, s->width, s->height, MIN_SIDE, MIN_SIDE);
         p->train[p->n_train++] = v;
     }
     return (p->n_train > 0 && c->n_frames > 0) ||
-           saga_fail(error, NULL, "hold out fewer", "nothing to train on: %d "
-                     "training views, %d frames", p->n_train, c->n_frames);
+           saga_fail(error, NULL, "hold out fewer",
+                     "nothing to train on: %d "
+                     "training views, %d frames",
+                     p->n_train, c->n_frames);
 }
 
 /* Lists the training pictures that exist, if some are missing. */
@@ -79,20 +83,20 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
         const size_t at = i * (size_t)p->n_there / N_LOOKED_AT;
         const size_t one = p->there ? (size_t)p->there[at] : at;
         const int view = p->train[one % (size_t)p->n_train];
-        const saga_shot *const v = p->capture->views + view;
+        const saga_source_view *const v = p->capture->views + view;
         /* A prime stride spreads the pixels over the pictures. */
         const size_t pixel = i * 7919 % ((size_t)v->width * (size_t)v->height);
         const int frame = (int)(one / (size_t)p->n_train);
         const uint8_t *const mask = saga_capture_mask(p->capture, view, frame);
-        const uint8_t *const rgb =
-            saga_capture_frame(p->capture, view, frame) +
-            pixel / (size_t)v->width * saga_view_row_nbytes(v) +
-            pixel % (size_t)v->width * 3;
+        const uint8_t *const rgb = saga_capture_frame(p->capture, view, frame) +
+                                   pixel / (size_t)v->width *
+                                       saga_view_row_nbytes(v) +
+                                   pixel % (size_t)v->width * 3;
 
         /* Bit 31 is above all colours, and i makes each value unique. */
-        colour[i] = mask && !mask[pixel]
-            ? 1u << 31 | (uint32_t)i
-            : (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
+        colour[i] = mask && !mask[pixel] ? 1u << 31 | (uint32_t)i
+                                         : (uint32_t)rgb[0] << 16 |
+                                               (uint32_t)rgb[1] << 8 | rgb[2];
     }
 }
 
@@ -152,10 +156,12 @@ void saga_pictures_free(saga_pictures *p)
     memset(p, 0, sizeof *p);
 }
 
-static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
+static uint64_t digest_view(uint64_t sum, const saga_source_view *v,
+                            int n_frames)
 {
-    const double x[] = { v->width, v->height, v->fx, v->fy, v->cx, v->cy,
-                         v->near_depth, v->far_depth, v->held_out, v->late };
+    const double x[] = { v->width,    v->height, v->fx,         v->fy,
+                         v->cx,       v->cy,     v->near_depth, v->far_depth,
+                         v->held_out, v->late };
 
     const size_t n_held = (size_t)saga_view_n_held(v, n_frames);
 
@@ -202,7 +208,7 @@ double saga_pictures_pixels(const saga_pictures *p)
     double n = 0;
 
     for (int i = 0; i < p->n_train; i++) {
-        const saga_shot *const v = &p->capture->views[p->train[i]];
+        const saga_source_view *const v = &p->capture->views[p->train[i]];
 
         n += (double)v->width * v->height *
              (p->capture->n_frames - v->n_missing);
@@ -216,8 +222,7 @@ size_t saga_pictures_largest(const saga_pictures *p)
     size_t most = 0;
 
     for (int i = 0; i < c->n_views; i++) {
-        const size_t n = (size_t)c->views[i].width *
-                         (size_t)c->views[i].height;
+        const size_t n = (size_t)c->views[i].width * (size_t)c->views[i].height;
 
         most = n > most ? n : most;
     }
@@ -235,29 +240,29 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
 }
 
 /* Returns a camera of the capture or, from n_views on, of novel.h. */
-static const saga_shot *shot_of(const saga_pictures *p, int view)
+static const saga_source_view *view_of(const saga_pictures *p, int view)
 {
     const int n = p->capture->n_views;
 
-    return view < n ? &p->capture->views[view] : &p->novel->shot[view - n];
+    return view < n ? &p->capture->views[view] : &p->novel->view[view - n];
 }
 
 double saga_pictures_near(const saga_pictures *p, int view)
 {
     const int n = p->capture->n_views;
 
-    return NEAR_PART * (view < n ? p->range[2 * view]
-                                 : p->novel->nearest[view - n]);
+    return NEAR_PART *
+           (view < n ? p->range[2 * view] : p->novel->nearest[view - n]);
 }
 
 void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
                           saga_sample sample)
 {
-    const saga_shot *const v = shot_of(p, sample.view);
+    const saga_source_view *const v = view_of(p, sample.view);
     const double scale = 1.0 / (1 << sample.mip);
     double c[3];
 
-    saga_shot_centre(c, v);
+    saga_source_view_centre(c, v);
     for (int i = 0; i < 9; i++)
         cam->rotation[i] = (real)v->rotation[i];
     for (int i = 0; i < 3; i++) {
@@ -271,8 +276,7 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
     cam->focal[1] = (real)(v->fy * scale);
     cam->principal[0] = (real)(v->cx * scale);
     cam->principal[1] = (real)(v->cy * scale);
-    cam->near_plane = (real)(saga_pictures_near(p, sample.view) /
-                             p->cube.unit);
+    cam->near_plane = (real)(saga_pictures_near(p, sample.view) / p->cube.unit);
     cam->width = v->width >> sample.mip;
     cam->height = v->height >> sample.mip;
 }
@@ -286,7 +290,7 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     canvas->still = b ? &b->seen[sample.view] : NULL;
     canvas->n_still = b ? b->n : 0;
     /* A camera that is late took frame k at time k + late. */
-    canvas->t = (real)((sample.frame + shot_of(p, sample.view)->late) /
+    canvas->t = (real)((sample.frame + view_of(p, sample.view)->late) /
                        p->capture->n_frames);
 }
 
@@ -295,10 +299,10 @@ typedef struct {
     saga_canvas *canvas;
     const uint8_t *rgb;
     size_t stride;
-    const double *exposure;      /* (3) of the view */
-    int side;                    /* side of the boxes that become pixels */
-    real level[3][256];          /* table of values, for a picture that is not
-                                  * halved */
+    const double *exposure; /* (3) of the view */
+    int side;               /* side of the boxes that become pixels */
+    real level[3][256];     /* table of values, for a picture that is not
+                             * halved */
 } truth;
 
 static void plain_row(const truth *t, size_t y)
@@ -335,8 +339,8 @@ static void boxed_row(const truth *t, size_t y)
             for (size_t j = 0; j < side; j++, at += t->stride)
                 for (size_t i = 0; i < side; i++)
                     sum += at[3 * i];
-            t->canvas->truth[k * plane + y * w + x] =
-                R(t->exposure[k]) * R(sum) / white;
+            t->canvas->truth[k * plane + y * w + x] = R(t->exposure[k]) *
+                                                      R(sum) / white;
         }
 }
 
@@ -360,10 +364,11 @@ static void make_truth(truth *t)
     for (int k = 0; t->side == 1 && k < 3; k++)
         for (int i = 0; i < 256; i++)
             t->level[k][i] = R(t->exposure[k]) * R(i) / 255;
-    saga_parallel(&(saga_tasks){
-        .run = true_rows, .user = t, .n = saga_n_parts((size_t)c->height, ROWS),
-        .ns = (double)SAMPLE_NS * t->side * t->side * 3 * c->width * c->height
-    });
+    saga_parallel(&(saga_tasks){ .run = true_rows,
+                                 .user = t,
+                                 .n = saga_n_parts((size_t)c->height, ROWS),
+                                 .ns = (double)SAMPLE_NS * t->side * t->side *
+                                       3 * c->width * c->height });
 }
 
 /* Marks the pixels in whose boxes any pixel does not count. */
@@ -394,11 +399,12 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
     const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
     const uint8_t *const mask = saga_capture_mask(p->capture, sample.view,
                                                   sample.frame);
-    truth t = {
-        .canvas = canvas, .stride = stride, .side = 1 << sample.mip,
-        .rgb = saga_capture_frame(p->capture, sample.view, sample.frame),
-        .exposure = p->exposure + 3 * (size_t)sample.view
-    };
+    truth t = { .canvas = canvas,
+                .stride = stride,
+                .side = 1 << sample.mip,
+                .rgb = saga_capture_frame(p->capture, sample.view,
+                                          sample.frame),
+                .exposure = p->exposure + 3 * (size_t)sample.view };
 
     make_truth(&t);
     canvas->n_unseen = 0;

@@ -18,37 +18,39 @@
 /* Still primitives with which every picture is drawn, in front of and behind
  * those in training (canvas->still). */
 typedef struct saga_backdrop {
-    uint32_t n;           /* number of primitives; 0: there is none */
+    uint32_t n;              /* number of primitives; 0: there is none */
     saga_splat_params *seen; /* (views) the primitives as each view sees them;
                               * only the colours differ */
-    real *block;          /* memory of all their arrays */
+    real *block;             /* memory of all their arrays */
 } saga_backdrop;
 
 typedef struct saga_pictures {
     const saga_capture *capture; /* must outlive this */
     saga_cube cube;
-    double *range;        /* (views, 2) nearest and farthest depth, world
-                           * units */
-    int *train;           /* (n_train) indices of training views */
+    double *range; /* (views, 2) nearest and farthest depth, world
+                    * units */
+    int *train;    /* (n_train) indices of training views */
     int n_train;
-    double *exposure;     /* (views, 3) factors that turn what a view saw into
-                           * the truth; 1 until exposures are found
-                           * (exposure.h) */
+    double *exposure;      /* (views, 3) factors that turn what a view saw into
+                            * the truth; 1 until exposures are found
+                            * (exposure.h) */
     uint8_t background[3]; /* R, G, B behind everything */
-    int *there;           /* (n_there) training pictures that exist:
-                           * frame * n_train + index in train; NULL: all do */
+    int *there;            /* (n_there) training pictures that exist:
+                            * frame * n_train + index in train; NULL: all do */
     int n_there;
     const saga_backdrop *backdrop; /* drawn with all pictures; NULL: none, the
                                     * default */
     struct saga_novel *novel; /* teachers' pictures among the others (novel.h);
                                * NULL: none, the default */
-    uint32_t tools;       /* SAGA_TOOLS_SPLAT bits: how splats are drawn;
-                           * default 0 */
+    uint32_t tools;           /* SAGA_TOOLS_SPLAT bits: how splats are drawn;
+                               * default 0 */
 } saga_pictures;
 
 /* A picture: what a view saw at a frame, averaged over squares of 2^mip x 2^mip
  * pixels. */
-typedef struct saga_sample { int view, frame, mip; } saga_sample;
+typedef struct saga_sample {
+    int view, frame, mip;
+} saga_sample;
 
 /* Prepares a capture for training. Returns false with *error set if memory is
  * short, there is no training view, or a view is too small. */

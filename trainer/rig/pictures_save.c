@@ -26,12 +26,16 @@ typedef struct {
 
 static void save_view(const saga_pictures *p, int view, saga_checkpoint *c)
 {
-    const saga_shot *const v = &p->capture->views[view];
-    kept_view k = {
-        .width = v->width, .height = v->height, .held_out = v->held_out,
-        .n_missing = v->n_missing, .fx = v->fx, .fy = v->fy, .cx = v->cx,
-        .cy = v->cy, .range = { p->range[2 * view], p->range[2 * view + 1] }
-    };
+    const saga_source_view *const v = &p->capture->views[view];
+    kept_view k = { .width = v->width,
+                    .height = v->height,
+                    .held_out = v->held_out,
+                    .n_missing = v->n_missing,
+                    .fx = v->fx,
+                    .fy = v->fy,
+                    .cx = v->cx,
+                    .cy = v->cy,
+                    .range = { p->range[2 * view], p->range[2 * view + 1] } };
 
     memcpy(k.name, v->name, sizeof k.name);
     memcpy(k.rotation, v->rotation, sizeof k.rotation);
@@ -41,8 +45,12 @@ static void save_view(const saga_pictures *p, int view, saga_checkpoint *c)
 
 void saga_pictures_save(const saga_pictures *p, saga_checkpoint *c)
 {
-    head h = { (uint64_t)p->capture->n_views, (uint64_t)p->capture->n_frames,
-               p->capture->fps, p->capture->metres, p->cube, { 0 } };
+    head h = { (uint64_t)p->capture->n_views,
+               (uint64_t)p->capture->n_frames,
+               p->capture->fps,
+               p->capture->metres,
+               p->cube,
+               { 0 } };
 
     for (int k = 0; k < 3; k++)
         h.background[k] = p->background[k];
@@ -52,7 +60,7 @@ void saga_pictures_save(const saga_pictures *p, saga_checkpoint *c)
 }
 
 /* Reads a view, and lists it if it is a training view. */
-static bool take_view(saga_pictures *p, saga_shot *v, int view,
+static bool take_view(saga_pictures *p, saga_source_view *v, int view,
                       saga_checkpoint *c)
 {
     kept_view k;
@@ -66,9 +74,14 @@ static bool take_view(saga_pictures *p, saga_shot *v, int view,
         c->failed = true;
     if (c->failed)
         return false;
-    *v = (saga_shot){ .width = (int)k.width, .height = (int)k.height,
-                      .held_out = k.held_out != 0, .fx = k.fx, .fy = k.fy,
-                      .cx = k.cx, .cy = k.cy, .n_missing = (int)k.n_missing };
+    *v = (saga_source_view){ .width = (int)k.width,
+                             .height = (int)k.height,
+                             .held_out = k.held_out != 0,
+                             .fx = k.fx,
+                             .fy = k.fy,
+                             .cx = k.cx,
+                             .cy = k.cy,
+                             .n_missing = (int)k.n_missing };
     /* The last byte stays 0, whatever the file has. */
     memcpy(v->name, k.name, sizeof v->name - 1);
     memcpy(v->rotation, k.rotation, sizeof v->rotation);

@@ -9,10 +9,10 @@
 #include <stdint.h>
 
 typedef struct saga_share {
-    double want;             /* > 0, finite; relative to the others */
-    uint32_t lo, hi;         /* limits of the share, lo <= hi */
-    double part;             /* scratch: the remainder after rounding down */
-    uint32_t index;          /* scratch: the index in the list */
+    double want;     /* > 0, finite; relative to the others */
+    uint32_t lo, hi; /* limits of the share, lo <= hi */
+    double part;     /* scratch: the remainder after rounding down */
+    uint32_t index;  /* scratch: the index in the list */
 } saga_share;
 
 /* Sets given[i], i < n, to a share of total in proportion to share[i].want and

@@ -18,11 +18,11 @@ typedef struct {
     saga_tree tree;
     saga_scene *scene;
     uint32_t *prim_origin;
-    uint32_t *n_fine;                /* (leaves) number of fine anchors of
-                                      * each */
-    double *distance;                /* (SAGA_MEDOID_MOST ^ 2) between members
-                                      * of a leaf */
-    uint32_t fine, prim;             /* next ranks */
+    uint32_t *n_fine;    /* (leaves) number of fine anchors of
+                          * each */
+    double *distance;    /* (SAGA_MEDOID_MOST ^ 2) between members
+                          * of a leaf */
+    uint32_t fine, prim; /* next ranks */
 } builder;
 
 void saga_hierarchy_defaults(saga_hierarchy_options *o)
@@ -48,9 +48,9 @@ static bool not_negative(double x)
 static bool check_options(const saga_hierarchy_options *o, uint32_t n,
                           saga_error *error)
 {
-    const double x[] = { o->lambda_t, o->lambda_h, o->min_time_std,
-                         o->min_local, o->min_gain, o->alpha, o->beta,
-                         o->epsilon };
+    const double x[] = { o->lambda_t,  o->lambda_h, o->min_time_std,
+                         o->min_local, o->min_gain, o->alpha,
+                         o->beta,      o->epsilon };
 
     if (!saga_model_is_valid(o->model))
         return saga_fail(error, NULL, NULL, "the model is not valid");
@@ -78,13 +78,15 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
         for (size_t i = 0; p->of[a] && i < pool->n * w; i++)
             if (!isfinite((double)p->of[a][i]))
                 return saga_fail(error, NULL, "try another --seed",
-                                 "primitive %zu: its %s is not finite",
-                                 i / w, saga_attributes[a].name);
+                                 "primitive %zu: its %s is not finite", i / w,
+                                 saga_attributes[a].name);
     }
     for (uint32_t i = 0; pool->score && i < pool->n; i++)
         if (!not_negative((double)pool->score[i]))
-            return saga_fail(error, NULL, "try another --seed", "primitive %u: "
-                             "its score is negative or not finite", i);
+            return saga_fail(error, NULL, "try another --seed",
+                             "primitive %u: "
+                             "its score is negative or not finite",
+                             i);
     return true;
 }
 
@@ -116,11 +118,11 @@ static void set_descriptor(const saga_tree *t, saga_candidate *c,
         if (p->colour)
             c->phi[SAGA_PHI_H + k] = descriptor(t, (double)p->colour[at]);
         if (p->log2_scale)
-            c->phi[SAGA_PHI_H + 3 + k] =
-                descriptor(t, (double)p->log2_scale[at] / 8);
+            c->phi[SAGA_PHI_H + 3 + k] = descriptor(
+                t, (double)p->log2_scale[at] / 8);
         if (p->motion && saga_motion_order(t->o->model) > 0)
-            c->phi[SAGA_PHI_H + 6 + k] =
-                descriptor(t, (double)p->motion[9 * (size_t)i + k] * unit);
+            c->phi[SAGA_PHI_H + 6 + k] = descriptor(
+                t, (double)p->motion[9 * (size_t)i + k] * unit);
     }
 }
 
@@ -194,8 +196,10 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
     return (saga_share){
         /* A_m = (part of the weight)^alpha (variance + epsilon)^beta. */
         .want = clamp(pow(w / t->weight, t->o->alpha) *
-                      pow(h + t->o->epsilon, t->o->beta), 1e-30, 1e30),
-        .lo = saga_tree_need(t, n), .hi = n < t->c_coarse ? n : t->c_coarse
+                          pow(h + t->o->epsilon, t->o->beta),
+                      1e-30, 1e30),
+        .lo = saga_tree_need(t, n),
+        .hi = n < t->c_coarse ? n : t->c_coarse
     };
 }
 
@@ -253,8 +257,8 @@ static void divide_leaf(saga_medoid_division *v, builder *b, uint32_t rank)
         for (uint32_t j = 0; j <= i; j++)
             /* A leaf has at most c_coarse c_fine candidates, so all pairs can
              * be computed. */
-            b->distance[i * n + j] = b->distance[j * n + i] =
-                distance_of(c, &t->cand[member[j]], nd);
+            b->distance[i * n + j] = b->distance[j * n + i] = distance_of(
+                c, &t->cand[member[j]], nd);
     }
     saga_medoid_divide(v, t->c_fine);
 }
@@ -339,8 +343,7 @@ static void write_fine(const builder *b, uint32_t parent,
     saga_position p;
 
     suffix_axes(v, t, c, &t->node[t->leaf[parent]]);
-    a->group = (uint8_t)saga_morton_group(
-        v, m->tier[SAGA_TIER_FINE].n_groups);
+    a->group = (uint8_t)saga_morton_group(v, m->tier[SAGA_TIER_FINE].n_groups);
     a->parent = parent;
     a->first_prim = b->prim;
     saga_position_cell(&p, &b->scene->coarse[parent]);
@@ -375,8 +378,8 @@ static void order_medoids(uint32_t sorted[SAGA_MAX_CHILDREN],
         for (j = i; j > 0; j--) {
             const uint32_t o = sorted[j - 1];
 
-            if (suffix[o] < suffix[i] || (suffix[o] == suffix[i] &&
-                                          v->medoid[o] < v->medoid[i]))
+            if (suffix[o] < suffix[i] ||
+                (suffix[o] == suffix[i] && v->medoid[o] < v->medoid[i]))
                 break;
             sorted[j] = o;
         }

@@ -18,32 +18,32 @@
 
 /* The primitives from which a scene is built. */
 typedef struct saga_hierarchy_pool {
-    const saga_splat_params *p;  /* (n) colour and log2_scale may be NULL; quat,
-                                  * opacity and slope are only checked to be
-                                  * finite */
-    const float *score;          /* (n) >= 0, importance of each; NULL: all
-                                  * equal */
-    uint32_t n;                  /* >= 1 */
+    const saga_splat_params *p; /* (n) colour and log2_scale may be NULL; quat,
+                                 * opacity and slope are only checked to be
+                                 * finite */
+    const float *score;         /* (n) >= 0, importance of each; NULL: all
+                                 * equal */
+    uint32_t n;                 /* >= 1 */
 } saga_hierarchy_pool;
 
 typedef struct saga_hierarchy_options {
-    const saga_model *model;     /* its tools, limits of children and suffix
-                                  * bits are used */
-    uint32_t max_coarse;         /* most coarse anchors, >= 1 */
-    uint32_t max_fine;           /* number of fine anchors, >= 1, as far as the
-                                  * limits of children allow it */
-    unsigned long long seed;     /* seed of the networks' first weights */
+    const saga_model *model; /* its tools, limits of children and suffix
+                              * bits are used */
+    uint32_t max_coarse;     /* most coarse anchors, >= 1 */
+    uint32_t max_fine;       /* number of fine anchors, >= 1, as far as the
+                              * limits of children allow it */
+    unsigned long long seed; /* seed of the networks' first weights */
     /* The tree splits by phi = [x, lambda_t tau, lambda_h h], with x in
      * half-cubes, tau in segments, and h the colour, log2 scale / 8, velocity
      * in half-cubes per segment, and locality in time (see min_local). */
     double lambda_t, lambda_h;
-    double min_time_std;         /* in segments: a node is split in time only if
-                                  * its tau deviate at least by this */
-    double min_local;            /* 0..1: and only if the mean locality of its
-                                  * primitives is at least this; that of
-                                  * temporal width s is 1 / (1 + 4 s^2) */
-    double min_gain;             /* least reduction of the sum of squares per
-                                  * added leaf, as a part of the root's */
+    double min_time_std; /* in segments: a node is split in time only if
+                          * its tau deviate at least by this */
+    double min_local;    /* 0..1: and only if the mean locality of its
+                          * primitives is at least this; that of
+                          * temporal width s is 1 / (1 + 4 s^2) */
+    double min_gain;     /* least reduction of the sum of squares per
+                          * added leaf, as a part of the root's */
     /* A leaf wants fine anchors in proportion to W^alpha (H + epsilon)^beta,
      * where W is its part of the weights and H its variance of phi, over the
      * root's. */

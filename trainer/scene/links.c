@@ -52,8 +52,7 @@ static const saga_scene_layer *layer_of(const saga_scene *s, int tier,
 {
     const saga_scene_layer *l = &s->layer[s->n_layers - 1];
 
-    while (rank < (tier == SAGA_TIER_COARSE ? l->first.coarse
-                                            : l->first.fine))
+    while (rank < (tier == SAGA_TIER_COARSE ? l->first.coarse : l->first.fine))
         l--;
     return l;
 }
@@ -150,8 +149,8 @@ void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
     const double ns = SCATTER_NS * (double)n;
     scattering s = { l, d_source, d_out, query, f, n, saga_team(ns) };
 
-    saga_parallel(&(saga_tasks){ .run = scatter_part, .user = &s,
-                                 .n = s.n_parts, .ns = ns });
+    saga_parallel(&(saga_tasks){
+        .run = scatter_part, .user = &s, .n = s.n_parts, .ns = ns });
 }
 
 /* --- The integer path's scaffold ----------------------------------------- */
@@ -188,8 +187,8 @@ static void integer_fine(saga_scaffold *sc, const saga_scene *s)
             f->support[k] = cell.support[k];
             /* The middle of the suffix cell in Q14, which a decoder has before
              * the residual. */
-            f->local[k] = (int16_t)lround(
-                16384 * saga_suffix_centre(suffix, bits, k));
+            f->local[k] = (int16_t)lround(16384 *
+                                          saga_suffix_centre(suffix, bits, k));
         }
     }
 }

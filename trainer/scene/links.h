@@ -13,10 +13,10 @@
 
 /* Links from each query to at most SAGA_MAX_NEIGHBOURS ranks. */
 typedef struct saga_links {
-    uint32_t *begin;         /* (queries + 1) first link of each query */
-    uint32_t *rank;          /* (n) */
-    real *weight;            /* (n) */
-    size_t n;                /* number of links */
+    uint32_t *begin; /* (queries + 1) first link of each query */
+    uint32_t *rank;  /* (n) */
+    real *weight;    /* (n) */
+    size_t n;        /* number of links */
 } saga_links;
 
 #define saga_links_alloc SAGA_REAL_NAME(saga_links_alloc)

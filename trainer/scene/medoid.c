@@ -4,8 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { ROUNDS = 4 };             /* how often members are assigned and medoids
-                                  * moved */
+enum {
+    ROUNDS = 4
+}; /* how often members are assigned and medoids
+    * moved */
 
 /* Chooses the medoids one by one: each is the member that lowers the cost most,
  * given the earlier ones. The first is the medoid of all members. */

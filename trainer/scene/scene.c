@@ -42,8 +42,7 @@ static bool alloc_structure(saga_scene *s, saga_error *error)
                                error);
     s->coarse = saga_calloc(s->n.coarse, sizeof *s->coarse, purpose, error);
     s->fine = saga_calloc(s->n.fine, sizeof *s->fine, purpose, error);
-    s->prim_fine = saga_calloc(s->n.prim, sizeof *s->prim_fine, purpose,
-                               error);
+    s->prim_fine = saga_calloc(s->n.prim, sizeof *s->prim_fine, purpose, error);
     return s->split && s->occupancy && s->coarse && s->fine && s->prim_fine;
 }
 

@@ -33,48 +33,47 @@ typedef struct saga_scene_layer {
 
 typedef struct saga_scene {
     saga_model model;
-    bool still;              /* primitives have no temporal attributes, even if
-                              * the model has temporal tools; set for a base */
+    bool still; /* primitives have no temporal attributes, even if
+                 * the model has temporal tools; set for a base */
 
-    saga_counts n;           /* counts of all layers together */
+    saga_counts n; /* counts of all layers together */
     uint32_t n_layers;
     saga_scene_layer layer[SAGA_MAX_LAYERS];
-    uint32_t n_nodes;        /* nodes of the trees, as in saga_symbols */
-    uint8_t *split;          /* (n_nodes) */
-    uint16_t *occupancy;     /* (n_nodes) */
-    saga_coarse *coarse;     /* (n.coarse) cell, depths, n_fine, first_fine and
-                              * group are set */
-    saga_fine *fine;         /* (n.fine) parent, n_prim, first_prim and group
-                              * are set; other members of both follow from the
-                              * reals (saga_links_scaffold) */
-    uint32_t *prim_fine;     /* (n.prim) rank of the parent */
+    uint32_t n_nodes;    /* nodes of the trees, as in saga_symbols */
+    uint8_t *split;      /* (n_nodes) */
+    uint16_t *occupancy; /* (n_nodes) */
+    saga_coarse *coarse; /* (n.coarse) cell, depths, n_fine, first_fine and
+                          * group are set */
+    saga_fine *fine;     /* (n.fine) parent, n_prim, first_prim and group
+                          * are set; other members of both follow from the
+                          * reals (saga_links_scaffold) */
+    uint32_t *prim_fine; /* (n.prim) rank of the parent */
 
     /* All reals are one block of n_reals, which starts at `reals`, for the
      * optimiser. */
     real *reals;
     size_t n_reals;
-    real *coarse_x;          /* (n.coarse, 4) centres: x, y, z, t */
-    real *coarse_feature;    /* (n.coarse, F) */
-    real *fine_x;            /* (n.fine, 4) */
-    real *prim_x;            /* (n.prim, 4) mean at its own time, and that
-                              * time */
-    real *params;            /* all networks; those of the entropy model
-                              * first */
+    real *coarse_x;            /* (n.coarse, 4) centres: x, y, z, t */
+    real *coarse_feature;      /* (n.coarse, F) */
+    real *fine_x;              /* (n.fine, 4) */
+    real *prim_x;              /* (n.prim, 4) mean at its own time, and that
+                                * time */
+    real *params;              /* all networks; those of the entropy model
+                                * first */
     saga_net net[SAGA_N_NETS]; /* views into params; n_layers = 0: absent */
 } saga_scene;
 
 /* The networks of the entropy model are those before FUSE_C and, with a memory
  * bank, those from QUERY to WRITE. They come first in params, and RES comes
  * last. saga_scene_net returns the network at position i there. */
-enum {
-    SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_NET_RES - SAGA_NET_QUERY
-};
+enum { SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_NET_RES - SAGA_NET_QUERY };
 
 static inline int saga_scene_net(int i)
 {
     return i < SAGA_NET_FUSE_C || i == SAGA_NET_RES ? i
-         : i < SAGA_N_ENTROPY_NETS ? i + SAGA_NET_QUERY - SAGA_NET_FUSE_C
-         : i + SAGA_NET_FUSE_C - SAGA_N_ENTROPY_NETS;
+           : i < SAGA_N_ENTROPY_NETS
+               ? i + SAGA_NET_QUERY - SAGA_NET_FUSE_C
+               : i + SAGA_NET_FUSE_C - SAGA_N_ENTROPY_NETS;
 }
 
 static inline int saga_is_entropy_net(int net)

@@ -122,8 +122,8 @@ static uint32_t child_number(const saga_candidate *c, int split, int depth_x,
 {
     const int sx = SAGA_TREE_LOG2_X - 1 - depth_x;
     const int st = SAGA_TREE_LOG2_T - 1 - depth_t;
-    const uint32_t xyz = (c->u[0] >> sx & 1u) << 2 |
-                         (c->u[1] >> sx & 1u) << 1 | (c->u[2] >> sx & 1u);
+    const uint32_t xyz = (c->u[0] >> sx & 1u) << 2 | (c->u[1] >> sx & 1u) << 1 |
+                         (c->u[2] >> sx & 1u);
     const uint32_t tau = c->u[3] >> st & 1u;
 
     return split == 1 ? xyz : split == 2 ? tau : xyz << 1 | tau;
@@ -260,7 +260,8 @@ static unsigned allowed_splits(const saga_tree *t, const saga_tree_node *nd,
 
     return (space ? 2u : 0u) | (time ? 4u : 0u) |
            (space && time && depth_x == nd->depth_x && depth_t == nd->depth_t
-            ? 8u : 0u);
+                ? 8u
+                : 0u);
 }
 
 static void find_split(const saga_tree *t, saga_tree_node *nd)
@@ -455,7 +456,7 @@ static bool within(const saga_tree *t, const char *which, uint32_t need,
 }
 
 /* Makes the tree a single leaf. */
-static bool start(saga_tree *t)
+static bool start_tree(saga_tree *t)
 {
     saga_tree_node root = { 0 };
     double time;
@@ -480,7 +481,7 @@ static bool start(saga_tree *t)
  * still tried. */
 static bool grow(saga_tree *t)
 {
-    if (!start(t))
+    if (!start_tree(t))
         return false;
     while (t->n_heap > 0) {
         const uint32_t id = pop(t);
@@ -490,7 +491,7 @@ static bool grow(saga_tree *t)
             /* Too many lie in one deepest cell, as points that coincide do.
              * They are moved apart, and the tree grows anew. */
             if (nd->best.kind == 0) {
-                if (!saga_tree_spread(t) || !start(t))
+                if (!saga_tree_spread(t) || !start_tree(t))
                     return false;
                 continue;
             }

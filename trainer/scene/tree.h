@@ -14,40 +14,41 @@ enum {
     SAGA_TREE_LOG2_X = SAGA_LOG2_HALF_X + 1, /* bits of a candidate's u in space
                                               * and, below, in time */
     SAGA_TREE_LOG2_T = SAGA_LOG2_HALF_T + 1,
-    SAGA_PHI_T = 3, SAGA_PHI_H = 4,  /* phi has place, time tau (at 3) and a
-                                      * descriptor of the look, h (from 4) */
+    SAGA_PHI_T = 3,
+    SAGA_PHI_H = 4, /* phi has place, time tau (at 3) and a
+                     * descriptor of the look, h (from 4) */
     SAGA_N_PHI = 14
 };
 
 typedef struct saga_candidate {
     double phi[SAGA_N_PHI];
-    double t;                /* clamped time; phi has it scaled, and moved
-                              * towards 1/2 the less the candidate is local */
-    double local;            /* locality in time, 0..1 (hierarchy.h) */
+    double t;     /* clamped time; phi has it scaled, and moved
+                   * towards 1/2 the less the candidate is local */
+    double local; /* locality in time, 0..1 (hierarchy.h) */
     double w;
-    uint32_t u[4];           /* position in 24 bits, time in 16 */
+    uint32_t u[4]; /* position in 24 bits, time in 16 */
 } saga_candidate;
 
 /* The best split of a leaf: chain_x splits of space and then chain_t of time
  * with a single child each, until the candidates separate, then one of `kind`.
  * The single-child splits, which cut off empty space, add no leaf. */
 typedef struct saga_tree_split {
-    double gain;             /* reduction of the sum of squares per added
-                              * leaf */
-    uint32_t added;          /* number of added leaves */
-    uint32_t need;           /* least number of fine anchors for the children */
-    uint8_t kind;            /* 1 space, 2 time, 3 both; 0: no split is
-                              * possible */
+    double gain;    /* reduction of the sum of squares per added
+                     * leaf */
+    uint32_t added; /* number of added leaves */
+    uint32_t need;  /* least number of fine anchors for the children */
+    uint8_t kind;   /* 1 space, 2 time, 3 both; 0: no split is
+                     * possible */
     uint8_t chain_x, chain_t;
 } saga_tree_split;
 
 /* A node's candidates are order[begin..end), in ascending order for leaves. */
 typedef struct saga_tree_node {
     uint32_t begin, end;
-    uint32_t first_child;    /* children are consecutive, by child number */
+    uint32_t first_child; /* children are consecutive, by child number */
     uint16_t occupancy;
     uint8_t n_children;
-    uint8_t split;           /* kind of split; 0: a leaf */
+    uint8_t split; /* kind of split; 0: a leaf */
     uint8_t depth_x, depth_t;
     saga_tree_split best;
 } saga_tree_node;
@@ -56,24 +57,24 @@ typedef struct saga_tree {
     const saga_hierarchy_options *o;
     saga_error *error;
     uint32_t n;
-    uint32_t c_coarse, c_fine;       /* limits of children of coarse and fine
-                                      * anchors */
+    uint32_t c_coarse, c_fine; /* limits of children of coarse and fine
+                                * anchors */
     int max_x, max_t, dynamic;
-    double squares;                  /* weighted sum of squares of the root */
-    double weight;                   /* weight of all candidates together */
-    saga_candidate *cand;            /* (n) */
-    uint32_t *order, *scratch;       /* (n) */
-    saga_tree_node *node;            /* (cap_nodes), of which n_nodes are
-                                      * used */
+    double squares;            /* weighted sum of squares of the root */
+    double weight;             /* weight of all candidates together */
+    saga_candidate *cand;      /* (n) */
+    uint32_t *order, *scratch; /* (n) */
+    saga_tree_node *node;      /* (cap_nodes), of which n_nodes are
+                                * used */
     uint32_t n_nodes, cap_nodes;
-    uint32_t *heap, n_heap;          /* (cap_nodes) leaves, as a heap by their
-                                      * best splits */
+    uint32_t *heap, n_heap; /* (cap_nodes) leaves, as a heap by their
+                             * best splits */
     uint32_t n_leaves;
-    uint32_t need;                   /* least number of fine anchors for all
-                                      * leaves */
-    uint32_t *walk;                  /* (n_nodes) nodes in the order of
-                                      * traversal */
-    uint32_t *leaf;                  /* (n_leaves) leaves by rank */
+    uint32_t need;  /* least number of fine anchors for all
+                     * leaves */
+    uint32_t *walk; /* (n_nodes) nodes in the order of
+                     * traversal */
+    uint32_t *leaf; /* (n_leaves) leaves by rank */
 } saga_tree;
 
 /* Allocates a tree of n candidates, all zero. Takes the limits on depths and

@@ -94,7 +94,8 @@ bool saga_tree_spread(saga_tree *t)
     for (int pass = 0; pass < MOST_PASSES && left; pass++)
         left = spread_all(t, p, limit, limit >> pass ? limit >> pass : 1);
     free(p);
-    return p && (left == 0 || saga_fail(
-        t->error, NULL, "merge those that lie at one point",
-        "more than %u primitives share each of %u places", limit, left));
+    return p && (left == 0 ||
+                 saga_fail(t->error, NULL, "merge those that lie at one point",
+                           "more than %u primitives share each of %u places",
+                           limit, left));
 }

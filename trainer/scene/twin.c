@@ -25,7 +25,9 @@ static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
 
     for (int k = 0; k < SAGA_N_ATTRS; k++)
         p->of[k] = set & SAGA_ATTR_BIT(k)
-            ? saga_arena_take(a, (size_t)saga_attributes[k].width * n) : NULL;
+                       ? saga_arena_take(a,
+                                         (size_t)saga_attributes[k].width * n)
+                       : NULL;
 }
 
 static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
@@ -113,8 +115,8 @@ static void local_offset(real o[4], const real x[4], const real parent[4],
     int i;
 
     for (i = 0; i < 4; i++)
-        o[i] = saga_clamp((x[i] - parent[i]) / unit[i],
-                          -R(SAGA_OFFSET_MAX), R(SAGA_OFFSET_MAX));
+        o[i] = saga_clamp((x[i] - parent[i]) / unit[i], -R(SAGA_OFFSET_MAX),
+                          R(SAGA_OFFSET_MAX));
 }
 
 static void fine_offsets(saga_twin *w, const saga_scene *s, saga_range of)
@@ -165,11 +167,12 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
 {
     saga_twin_stage t = { .w = w, .s = s };
 
-    saga_parallel(&(saga_tasks){
-        .run = offsets_chunk, .user = &t,
-        .n = saga_n_parts(w->n.fine, SAGA_NET_CHUNK) +
-             saga_n_parts(w->n.prim, SAGA_NET_CHUNK),
-        .ns = SAGA_TWIN_ROW_NS * ((double)w->n.fine + w->n.prim) });
+    saga_parallel(&(saga_tasks){ .run = offsets_chunk,
+                                 .user = &t,
+                                 .n = saga_n_parts(w->n.fine, SAGA_NET_CHUNK) +
+                                      saga_n_parts(w->n.prim, SAGA_NET_CHUNK),
+                                 .ns = SAGA_TWIN_ROW_NS *
+                                       ((double)w->n.fine + w->n.prim) });
 }
 
 /* --- Neighbours from the integer path ------------------------------------ */

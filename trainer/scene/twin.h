@@ -33,29 +33,29 @@ typedef struct saga_twin_batch {
 
 typedef struct saga_twin {
     saga_counts n;
-    saga_links to_fine, to_prim;          /* links from fine anchors to coarse
-                                           * ones, and from primitives to fine
-                                           * ones */
+    saga_links to_fine, to_prim; /* links from fine anchors to coarse
+                                  * ones, and from primitives to fine
+                                  * ones */
     saga_twin_batch batch[SAGA_N_NETS];
-    real *fine_feature, *d_fine_feature;  /* (n.fine, F) */
-    real *log2_support;                   /* (n.fine, 4) clamped */
-    real *support;                        /* (n.fine, 4) */
-    real *d_log2_support;                 /* (n.fine, 4) */
-    real *context, *d_context;            /* (max(fine, prim), F) */
-    real *fine_offset, *prim_offset;      /* (n, 4) local offsets o */
-    real *fine_phase, *prim_phase;        /* (n, 4) positions, with the time in
-                                           * -1..1 */
-    real *prim_shift;                     /* (n.prim, 4) shift of positions by
-                                           * noise or rounding, which is
-                                           * proportional to the supports and
-                                           * gives these a gradient; 0 if not
-                                           * set */
-    real correction_price;                /* weight of the mean over primitives
-                                           * of |corrections|, L_res of the
-                                           * paper; 0 if not set */
-    saga_splat_params attr, d_attr;       /* (n.prim) unused attributes are
-                                           * NULL */
-    real *block;                          /* memory of all arrays above */
+    real *fine_feature, *d_fine_feature; /* (n.fine, F) */
+    real *log2_support;                  /* (n.fine, 4) clamped */
+    real *support;                       /* (n.fine, 4) */
+    real *d_log2_support;                /* (n.fine, 4) */
+    real *context, *d_context;           /* (max(fine, prim), F) */
+    real *fine_offset, *prim_offset;     /* (n, 4) local offsets o */
+    real *fine_phase, *prim_phase;       /* (n, 4) positions, with the time in
+                                          * -1..1 */
+    real *prim_shift;                    /* (n.prim, 4) shift of positions by
+                                          * noise or rounding, which is
+                                          * proportional to the supports and
+                                          * gives these a gradient; 0 if not
+                                          * set */
+    real correction_price;               /* weight of the mean over primitives
+                                          * of |corrections|, L_res of the
+                                          * paper; 0 if not set */
+    saga_splat_params attr, d_attr;      /* (n.prim) unused attributes are
+                                          * NULL */
+    real *block;                         /* memory of all arrays above */
 } saga_twin;
 
 #define saga_twin_batch_take SAGA_REAL_NAME(saga_twin_batch_take)
@@ -67,8 +67,7 @@ typedef struct saga_twin {
 #define saga_twin_geometry SAGA_REAL_NAME(saga_twin_geometry)
 #define saga_twin_colour SAGA_REAL_NAME(saga_twin_colour)
 #define saga_twin_clear SAGA_REAL_NAME(saga_twin_clear)
-#define saga_twin_colour_backward \
-    SAGA_REAL_NAME(saga_twin_colour_backward)
+#define saga_twin_colour_backward SAGA_REAL_NAME(saga_twin_colour_backward)
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
@@ -101,8 +100,7 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s);
 /* Computes everything that does not depend on the camera: w->attr without
  * colour, and the colour's pre-activations. feature (n.coarse, F) has the
  * coarse features to use: the scene's own, or with noise, or rounded. */
-void saga_twin_geometry(saga_twin *w, const saga_scene *s,
-                        const real *feature);
+void saga_twin_geometry(saga_twin *w, const saga_scene *s, const real *feature);
 
 /* Sets w->attr.colour as seen from centre (half-cubes). centre may be NULL to
  * use the directions of the last call, or if the colour does not depend on

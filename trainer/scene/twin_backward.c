@@ -53,8 +53,7 @@ static void loss_chunk(void *user, size_t chunk)
 
             /* With L = weight over^2 and o = dx / support, dL/dx = 2 weight
              * over / support, and dL/d log2 support = -2 weight over o ln 2. */
-            t->d->prim_x[4 * i + k] += 2 * t->weight * over /
-                                       t->w->support[at];
+            t->d->prim_x[4 * i + k] += 2 * t->weight * over / t->w->support[at];
             t->w->d_log2_support[at] -= 2 * t->weight * over * o * LN2;
         }
 }
@@ -62,8 +61,9 @@ static void loss_chunk(void *user, size_t chunk)
 void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                            real weight)
 {
-    saga_twin_stage t = { .w = w, .d = d, .s = s,
-                          .weight = weight / R(4 * w->n.prim) };
+    saga_twin_stage t = {
+        .w = w, .d = d, .s = s, .weight = weight / R(4 * w->n.prim)
+    };
 
     saga_twin_do_rows(loss_chunk, &t, w->n.prim);
 }
@@ -140,10 +140,11 @@ static void colour_block(void *user, size_t block)
         back(t, SAGA_NET_COLOUR_VIEW, block);
 }
 
-void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
-                               const saga_scene *s)
+void saga_twin_colour_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
-    saga_twin_stage t = { .w = w, .d = d, .s = s,
+    saga_twin_stage t = { .w = w,
+                          .d = d,
+                          .s = s,
                           .nets = saga_twin_colour_nets,
                           .n_nets = 1 + saga_twin_sees_views(s) };
 
@@ -167,8 +168,10 @@ static void give_rows(const saga_twin_stage *t, int attr, size_t part,
 
         for (size_t k = 0; k < rows.n; k++)
             geo->d_out[at + k] = a->unit == SAGA_UNIT_SUPPORT
-                ? saga_inward(d[k], geo->out[at + k], -SAGA_TWIN_MOST_MOTION,
-                              SAGA_TWIN_MOST_MOTION) : d[k];
+                                     ? saga_inward(d[k], geo->out[at + k],
+                                                   -SAGA_TWIN_MOST_MOTION,
+                                                   SAGA_TWIN_MOST_MOTION)
+                                     : d[k];
     }
 }
 
@@ -194,8 +197,9 @@ static void places_backward(const saga_twin_stage *t, size_t i)
     }
     if (a->t_centre) {
         const real now = w->attr.t_centre[i];
-        const real dt = now > SAGA_TWIN_CENTRE_MIN &&
-                        now < SAGA_TWIN_CENTRE_MAX ? a->t_centre[i] : 0;
+        const real dt = now > SAGA_TWIN_CENTRE_MIN && now < SAGA_TWIN_CENTRE_MAX
+                            ? a->t_centre[i]
+                            : 0;
 
         d_x[3] += dt;
         w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];

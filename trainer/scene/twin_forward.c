@@ -18,7 +18,7 @@
 
 /* --- Networks ------------------------------------------------------------ */
 
-static void begin(const saga_twin_stage *t)
+static void begin_networks(const saga_twin_stage *t)
 {
     int i;
 
@@ -30,7 +30,8 @@ static void begin(const saga_twin_stage *t)
         }
 }
 
-static void run(saga_twin *w, const saga_scene *s, int net, size_t chunk)
+static void forward_chunk(saga_twin *w, const saga_scene *s, int net,
+                          size_t chunk)
 {
     const saga_net_pass p = saga_twin_pass(w, s, net);
 
@@ -65,7 +66,7 @@ static const real *fuse_forward(const saga_twin_stage *t, int tier,
         return w->context;
     assemble(w, t->s, net, w->context, phase,
              saga_part(saga_twin_rows(w, net), SAGA_NET_CHUNK, chunk));
-    run(w, t->s, net, chunk);
+    forward_chunk(w, t->s, net, chunk);
     return w->batch[net].out;
 }
 
@@ -105,24 +106,25 @@ static void fine_chunk(void *user, size_t chunk)
     const real *fused;
     size_t i;
 
-    saga_links_gather(w->context, &w->to_fine, t->feature,
-                      t->s->model.features, NULL, of);
+    saga_links_gather(w->context, &w->to_fine, t->feature, t->s->model.features,
+                      NULL, of);
     fused = fuse_forward(t, SAGA_TIER_COARSE, w->fine_phase, chunk);
     assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
-    run(w, t->s, SAGA_NET_FINE, chunk);
+    forward_chunk(w, t->s, SAGA_NET_FINE, chunk);
     for (i = of.begin; i < of.end; i++)
         take_fine(t, i);
 }
 
 void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
-                         const real *feature)
+                            const real *feature)
 {
     const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE };
-    saga_twin_stage t = { .w = w, .s = s, .feature = feature, .nets = nets,
-                          .n_nets = 2 };
+    saga_twin_stage t = {
+        .w = w, .s = s, .feature = feature, .nets = nets, .n_nets = 2
+    };
 
     saga_model_rows(t.rows, &s->model);
-    begin(&t);
+    begin_networks(&t);
     saga_twin_do_rows(fine_chunk, &t, w->n.fine);
 }
 
@@ -162,9 +164,9 @@ static void take_rows(const saga_twin_stage *t, int attr, size_t part,
             /* A motion beyond its format is clamped, and gets only gradients
              * that lead back. */
             to[k] = a->unit == SAGA_UNIT_SUPPORT
-                ? saga_clamp(out[k], -SAGA_TWIN_MOST_MOTION,
-                             SAGA_TWIN_MOST_MOTION)
-                : out[k] + level;
+                        ? saga_clamp(out[k], -SAGA_TWIN_MOST_MOTION,
+                                     SAGA_TWIN_MOST_MOTION)
+                        : out[k] + level;
         if (a->first > 0)
             to[0] += (real)a->first;
     }
@@ -209,15 +211,14 @@ static void geometry_chunk(void *user, size_t chunk)
     memcpy(w->batch[SAGA_NET_COLOUR_BASE].in + of.begin * dim,
            w->batch[SAGA_NET_GEO].in + of.begin * dim,
            (of.end - of.begin) * dim * sizeof(real));
-    run(w, t->s, SAGA_NET_GEO, chunk);
-    run(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
+    forward_chunk(w, t->s, SAGA_NET_GEO, chunk);
+    forward_chunk(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
     saga_twin_correct(t, chunk);
     saga_twin_each_out(t, of, take_rows);
     set_places(t, of);
 }
 
-void saga_twin_geometry(saga_twin *w, const saga_scene *s,
-                        const real *feature)
+void saga_twin_geometry(saga_twin *w, const saga_scene *s, const real *feature)
 {
     const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE,
                          SAGA_NET_RES };
@@ -225,7 +226,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
     saga_twin_fine_forward(w, s, feature);
     saga_twin_attribute_rows(t.rows, s);
-    begin(&t);
+    begin_networks(&t);
     saga_twin_do_rows(geometry_chunk, &t, w->n.prim);
 }
 
@@ -261,7 +262,7 @@ static void colour_chunk(void *user, size_t chunk)
         set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
                       t->centre);
     if (view)
-        run(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
+        forward_chunk(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
     for (i = of.begin * width; i < of.end * width; i++) {
         /* Both parts of the hidden layer are summed before its ReLU. */
         const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
@@ -269,17 +270,19 @@ static void colour_chunk(void *user, size_t chunk)
 
         last->in[i] = x > 0 ? x : 0;
     }
-    run(w, t->s, SAGA_NET_COLOUR, chunk);
+    forward_chunk(w, t->s, SAGA_NET_COLOUR, chunk);
     for (i = 3 * of.begin; i < 3 * of.end; i++)
         w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);
 }
 
 void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
 {
-    saga_twin_stage t = { .w = w, .s = s, .centre = centre,
+    saga_twin_stage t = { .w = w,
+                          .s = s,
+                          .centre = centre,
                           .nets = saga_twin_colour_nets,
                           .n_nets = 1 + saga_twin_sees_views(s) };
 
-    begin(&t);
+    begin_networks(&t);
     saga_twin_do_rows(colour_chunk, &t, w->n.prim);
 }

@@ -33,9 +33,10 @@ static void select_entries(const saga_twin_stage *t, saga_range of)
         int16_t o[4];
 
         for (size_t k = 0; k < 4; k++)
-            o[k] = (int16_t)fx_clamp((int32_t)floor(
-                (double)t->w->prim_offset[4 * i + k] * 16384 + 0.5), -32767,
-                32767);
+            o[k] = (int16_t)fx_clamp(
+                (int32_t)floor((double)t->w->prim_offset[4 * i + k] * 16384 +
+                               0.5),
+                -32767, 32767);
         memset(in, 0, n * sizeof *in);
         for (uint32_t l = 0; l < s->model.hash_levels; l++)
             in[saga_hash_entry(&s->model, l, rank, o)] = 1;
@@ -96,8 +97,9 @@ static void give(const saga_twin_stage *t, int net, size_t first, real price,
             const size_t at = corrections_at(t->s, i) + first + k;
 
             b->d_out[at] = t->w->batch[net].d_out[i * n + k] +
-                           (b->out[at] > 0 ? price
-                            : b->out[at] < 0 ? -price : 0);
+                           (b->out[at] > 0   ? price
+                            : b->out[at] < 0 ? -price
+                                             : 0);
         }
 }
 

@@ -8,7 +8,8 @@
 size_t saga_twin_rows(const saga_twin *w, int net)
 {
     return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
-         : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
+           : net >= SAGA_NET_FUSE_F                       ? w->n.prim
+                                                          : 0;
 }
 
 void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS], const saga_scene *s)
@@ -44,7 +45,8 @@ double saga_twin_cost(const saga_twin_stage *t, size_t *most)
 void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
                        size_t n)
 {
-    saga_tasks all = { .run = chunk, .user = t,
+    saga_tasks all = { .run = chunk,
+                       .user = t,
                        .n = saga_n_parts(n, SAGA_NET_CHUNK) };
 
     all.ns = saga_twin_cost(t, &all.most) * (double)n;
@@ -70,10 +72,14 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
 {
     saga_twin_batch *const b = &w->batch[net];
 
-    return (saga_net_pass){
-        .net = &s->net[net], .work = &b->work, .x = b->in, .y = b->out,
-        .dy = b->d_out,
-        .dx = net == SAGA_NET_COLOUR_VIEW || net == SAGA_NET_RES ? NULL
-                                                                 : b->d_in,
-        .m = saga_twin_rows(w, net) };
+    return (saga_net_pass){ .net = &s->net[net],
+                            .work = &b->work,
+                            .x = b->in,
+                            .y = b->out,
+                            .dy = b->d_out,
+                            .dx = net == SAGA_NET_COLOUR_VIEW ||
+                                          net == SAGA_NET_RES
+                                      ? NULL
+                                      : b->d_in,
+                            .m = saga_twin_rows(w, net) };
 }

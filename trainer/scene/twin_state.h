@@ -19,14 +19,14 @@
 /* The inputs of a stage, which all chunks share. */
 typedef struct saga_twin_stage {
     saga_twin *w;
-    saga_scene *d;               /* gradients, for the backward pass */
+    saga_scene *d; /* gradients, for the backward pass */
     const saga_scene *s;
-    const real *feature;         /* coarse features */
-    const real *centre;          /* centre of the camera */
-    real weight;                 /* weight of the anchors' loss */
+    const real *feature; /* coarse features */
+    const real *centre;  /* centre of the camera */
+    real weight;         /* weight of the anchors' loss */
     saga_rows rows[SAGA_N_OUTS];
-    const int *nets;             /* (n_nets) networks of the stage; those
-                                  * without layers are skipped */
+    const int *nets; /* (n_nets) networks of the stage; those
+                      * without layers are skipped */
     int n_nets;
 } saga_twin_stage;
 
@@ -47,8 +47,7 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 enum { SAGA_TWIN_ROW_NS = 40 };
 
 /* Sets the rows of the networks' outputs that become attributes. */
-void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS],
-                              const saga_scene *s);
+void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS], const saga_scene *s);
 /* Returns the nanoseconds for a row, and sets *most to the number of threads
  * for which all networks have scratch. */
 double saga_twin_cost(const saga_twin_stage *t, size_t *most);
@@ -76,9 +75,8 @@ void saga_twin_correct_backward(const saga_twin_stage *t, size_t block);
 
 /* The networks of colour; the second one is used only if colours depend on the
  * view. */
-static const int saga_twin_colour_nets[] = {
-    SAGA_NET_COLOUR, SAGA_NET_COLOUR_VIEW
-};
+static const int saga_twin_colour_nets[] = { SAGA_NET_COLOUR,
+                                             SAGA_NET_COLOUR_VIEW };
 
 /* Returns the index of the first output of a network for row i of its batch. */
 static inline size_t saga_twin_out_at(const saga_scene *s, int net, size_t i)

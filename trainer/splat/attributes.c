@@ -44,15 +44,13 @@ uint32_t saga_attrs_of_tools(uint32_t tools, bool is_still)
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const saga_attribute *const k = &saga_attributes[a];
 
-        if ((!k->tools || (k->tools & tools)) &&
-            !(is_still && k->is_temporal))
+        if ((!k->tools || (k->tools & tools)) && !(is_still && k->is_temporal))
             set |= SAGA_ATTR_BIT(a);
     }
     return set;
 }
 
-real *saga_params_lay(saga_splat_params *p, real *block, uint32_t set,
-                      size_t n)
+real *saga_params_lay(saga_splat_params *p, real *block, uint32_t set, size_t n)
 {
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         p->of[a] = has(set, a) ? block : NULL;
@@ -110,8 +108,7 @@ size_t saga_params_spans(saga_span spans[SAGA_N_ATTRS],
                          const saga_splat_params *p, size_t n)
 {
     for (int a = 0; a < SAGA_N_ATTRS; a++)
-        spans[a] = (saga_span){
-            p->of[a], n * (size_t)saga_attributes[a].width * sizeof(real)
-        };
+        spans[a] = (saga_span){ p->of[a], n * (size_t)saga_attributes[a].width *
+                                              sizeof(real) };
     return SAGA_N_ATTRS;
 }

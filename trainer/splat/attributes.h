@@ -19,27 +19,31 @@
 /* The unit of an attribute, for code that changes the unit of length or
  * time. */
 typedef enum saga_attr_unit {
-    SAGA_UNIT_NONE, SAGA_UNIT_PLACE, SAGA_UNIT_LENGTH, SAGA_UNIT_LOG2_LENGTH,
-    SAGA_UNIT_SUPPORT,      /* the primitive's support, if it has one */
-    SAGA_UNIT_TIME, SAGA_UNIT_LOG2_TIME
+    SAGA_UNIT_NONE,
+    SAGA_UNIT_PLACE,
+    SAGA_UNIT_LENGTH,
+    SAGA_UNIT_LOG2_LENGTH,
+    SAGA_UNIT_SUPPORT, /* the primitive's support, if it has one */
+    SAGA_UNIT_TIME,
+    SAGA_UNIT_LOG2_TIME
 } saga_attr_unit;
 
 typedef struct saga_attribute {
     const char *name;
-    int width;              /* number of reals per primitive */
+    int width; /* number of reals per primitive */
     saga_attr_unit unit;
-    uint32_t tools;         /* any of these SAGA_TOOL_* bits requires it; 0: all
-                             * primitives have it */
-    bool is_temporal;       /* still primitives do not have it */
-    int out, n_outs;        /* networks compute it by n_outs consecutive outputs
-                             * from `out` (SAGA_OUT_*) on; 0: none does */
-    double zero;            /* the value for an output of 0 */
-    double first;           /* added to `zero` in the first component */
-    double start;           /* the value of new primitives in the warm-up, plus
-                             * `first` in the first component */
-    double lo, hi;          /* the warm-up clamps values to this range */
-    double rate, rate_end;  /* first and last learning rate per unit; 0: the
-                             * warm-up does not train it */
+    uint32_t tools;        /* any of these SAGA_TOOL_* bits requires it; 0: all
+                            * primitives have it */
+    bool is_temporal;      /* still primitives do not have it */
+    int out, n_outs;       /* networks compute it by n_outs consecutive outputs
+                            * from `out` (SAGA_OUT_*) on; 0: none does */
+    double zero;           /* the value for an output of 0 */
+    double first;          /* added to `zero` in the first component */
+    double start;          /* the value of new primitives in the warm-up, plus
+                            * `first` in the first component */
+    double lo, hi;         /* the warm-up clamps values to this range */
+    double rate, rate_end; /* first and last learning rate per unit; 0: the
+                            * warm-up does not train it */
 } saga_attribute;
 
 /* Each row has the word in SAGA_ATTR_*, the name, which is also that of the
@@ -47,47 +51,47 @@ typedef struct saga_attribute {
  * Rows have the order of what is saved, and of the networks' outputs
  * (SAGA_OUT_*). No network computes mean and support, because they come from
  * the anchors. */
-#define SAGA_ATTR_LIST(X) \
-    /* (N, 3) at t = t_centre. */ \
-    X(MEAN, mean, .width = 3, .unit = SAGA_UNIT_PLACE, \
-      .lo = -1, .hi = 1 - 0x1p-23, .rate = 1.2e-3, .rate_end = 4e-5) \
-    /* (N) in log2 units. The peak of alpha is 8 / (1 + 2^(3 - o)); pixels cap
-     * it. An opacity below 2^-8 is never drawn again. */ \
-    X(OPACITY, opacity, .width = 1, .out = SAGA_OUT_OPACITY, .n_outs = 1, \
-      .start = -1.5, .lo = -7.9, .hi = 12, .rate = 0.06, .rate_end = 0.03) \
-    /* (N, 3) of standard deviations; clamped to +-60 where used. */ \
-    X(LOG2_SCALE, log2_scale, .width = 3, .unit = SAGA_UNIT_LOG2_LENGTH, \
-      .out = SAGA_OUT_SCALE, .n_outs = 1, \
-      .lo = -16, .hi = -1, .rate = 0.04, .rate_end = 8e-3) \
-    /* (N, 4) w, x, y, z of any length; of length 0: no rotation. */ \
-    X(QUAT, quat, .width = 4, .out = SAGA_OUT_QUAT, .n_outs = 1, \
-      .first = 1, .lo = -8, .hi = 8, .rate = 8e-3, .rate_end = 1.6e-3) \
-    /* (N, 4) change of the quaternion per unit of age; NULL: none. */ \
-    X(SLOPE, slope, .width = 4, .tools = SAGA_TOOL_SLOPE, \
-      .is_temporal = true, .out = SAGA_OUT_SLOPE, .n_outs = 1, \
-      .lo = -16, .hi = 16, .rate = 2e-3, .rate_end = 4e-4) \
-    /* (N); NULL: 0. */ \
-    X(T_CENTRE, t_centre, .width = 1, .unit = SAGA_UNIT_TIME, \
-      .tools = SAGA_TOOLS_TIME, .is_temporal = true, \
-      .out = SAGA_OUT_TIME, .n_outs = 1, \
-      .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3, .rate_end = 2e-4) \
-    /* (N) log2 of the temporal width; NULL: no temporal opacity. A primitive
-     * with a width of 2^3 segments is visible all the time. */ \
-    X(LOG2_WIDTH, log2_width, .width = 1, .unit = SAGA_UNIT_LOG2_TIME, \
-      .tools = SAGA_TOOL_OPACITY_T, .is_temporal = true, \
-      .out = SAGA_OUT_WIDTH, .n_outs = 1, \
-      .lo = -16, .hi = 3, .rate = 0.01, .rate_end = 2e-3) \
-    /* (N, 9) coefficients of the motion polynomial: x, y, z of order 1, then of
-     * orders 2 and 3; in supports per age^order; NULL: none. */ \
-    X(MOTION, motion, .width = 9, .unit = SAGA_UNIT_SUPPORT, \
-      .tools = SAGA_TOOL_MOTION_MASK, .is_temporal = true, \
-      .out = SAGA_OUT_MOTION1, .n_outs = 3, \
-      .lo = -4, .hi = 4, .rate = 2.5e-4, .rate_end = 2e-5) \
-    /* (N, 3) R, G, B, in [0, 1]. */ \
-    X(COLOUR, colour, .width = 3, .out = SAGA_OUT_COLOUR, .n_outs = 1, \
-      .zero = 0.5, .lo = 0, .hi = 1, .rate = 0.01, .rate_end = 2e-3) \
-    /* (N, 3) unit of the motion; NULL: 1. */ \
-    X(SUPPORT, support, .width = 3, .unit = SAGA_UNIT_LENGTH, \
+#define SAGA_ATTR_LIST(X)                                                      \
+    /* (N, 3) at t = t_centre. */                                              \
+    X(MEAN, mean, .width = 3, .unit = SAGA_UNIT_PLACE, .lo = -1,               \
+      .hi = 1 - 0x1p-23, .rate = 1.2e-3, .rate_end = 4e-5)                     \
+    /* (N) in log2 units. The peak of alpha is 8 / (1 + 2^(3 - o)); pixels cap \
+     * it. An opacity below 2^-8 is never drawn again. */                      \
+    X(OPACITY, opacity, .width = 1, .out = SAGA_OUT_OPACITY, .n_outs = 1,      \
+      .start = -1.5, .lo = -7.9, .hi = 12, .rate = 0.06, .rate_end = 0.03)     \
+    /* (N, 3) of standard deviations; clamped to +-60 where used. */           \
+    X(LOG2_SCALE, log2_scale, .width = 3, .unit = SAGA_UNIT_LOG2_LENGTH,       \
+      .out = SAGA_OUT_SCALE, .n_outs = 1, .lo = -16, .hi = -1, .rate = 0.04,   \
+      .rate_end = 8e-3)                                                        \
+    /* (N, 4) w, x, y, z of any length; of length 0: no rotation. */           \
+    X(QUAT, quat, .width = 4, .out = SAGA_OUT_QUAT, .n_outs = 1, .first = 1,   \
+      .lo = -8, .hi = 8, .rate = 8e-3, .rate_end = 1.6e-3)                     \
+    /* (N, 4) change of the quaternion per unit of age; NULL: none. */         \
+    X(SLOPE, slope, .width = 4, .tools = SAGA_TOOL_SLOPE, .is_temporal = true, \
+      .out = SAGA_OUT_SLOPE, .n_outs = 1, .lo = -16, .hi = 16, .rate = 2e-3,   \
+      .rate_end = 4e-4)                                                        \
+    /* (N); NULL: 0. */                                                        \
+    X(T_CENTRE, t_centre, .width = 1, .unit = SAGA_UNIT_TIME,                  \
+      .tools = SAGA_TOOLS_TIME, .is_temporal = true, .out = SAGA_OUT_TIME,     \
+      .n_outs = 1, .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3,               \
+      .rate_end = 2e-4)                                                        \
+    /* (N) log2 of the temporal width; NULL: no temporal opacity. A primitive  \
+     * with a width of 2^3 segments is visible all the time. */                \
+    X(LOG2_WIDTH, log2_width, .width = 1, .unit = SAGA_UNIT_LOG2_TIME,         \
+      .tools = SAGA_TOOL_OPACITY_T, .is_temporal = true,                       \
+      .out = SAGA_OUT_WIDTH, .n_outs = 1, .lo = -16, .hi = 3, .rate = 0.01,    \
+      .rate_end = 2e-3)                                                        \
+    /* (N, 9) coefficients of the motion polynomial: x, y, z of order 1, then  \
+     * of orders 2 and 3; in supports per age^order; NULL: none. */            \
+    X(MOTION, motion, .width = 9, .unit = SAGA_UNIT_SUPPORT,                   \
+      .tools = SAGA_TOOL_MOTION_MASK, .is_temporal = true,                     \
+      .out = SAGA_OUT_MOTION1, .n_outs = 3, .lo = -4, .hi = 4, .rate = 2.5e-4, \
+      .rate_end = 2e-5)                                                        \
+    /* (N, 3) R, G, B, in [0, 1]. */                                           \
+    X(COLOUR, colour, .width = 3, .out = SAGA_OUT_COLOUR, .n_outs = 1,         \
+      .zero = 0.5, .lo = 0, .hi = 1, .rate = 0.01, .rate_end = 2e-3)           \
+    /* (N, 3) unit of the motion; NULL: 1. */                                  \
+    X(SUPPORT, support, .width = 3, .unit = SAGA_UNIT_LENGTH,                  \
       .tools = SAGA_TOOL_MOTION_MASK, .is_temporal = true)
 
 #define SAGA_ATTR_WORD(word, name, ...) SAGA_ATTR_##word,
@@ -103,7 +107,9 @@ enum { SAGA_ATTR_LIST(SAGA_ATTR_WORD) SAGA_N_ATTRS };
  * values for each of these; by name and by SAGA_ATTR_*. */
 typedef struct saga_splat_params {
     union {
-        struct { SAGA_ATTR_LIST(SAGA_ATTR_MEMBER) };
+        struct {
+            SAGA_ATTR_LIST(SAGA_ATTR_MEMBER)
+        };
         real *of[SAGA_N_ATTRS];
     };
 } saga_splat_params;

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { N_TURNS = 24 };           /* rotations of a cube onto itself */
+enum { N_TURNS = 24 }; /* rotations of a cube onto itself */
 
 /* Sets x = a b, a product of quaternions. */
 static void multiply(double x[4], const double a[4], const double b[4])
@@ -47,9 +47,9 @@ static void find_turns(double turn[N_TURNS][4])
  * row with +-1 in column k of the turn's rotation matrix. */
 static void axes_of(int from[3], const double g[4])
 {
-    static const double unit[3][4] = {
-        { 0, 1, 0, 0 }, { 0, 0, 1, 0 }, { 0, 0, 0, 1 }
-    };
+    static const double unit[3][4] = { { 0, 1, 0, 0 },
+                                       { 0, 0, 1, 0 },
+                                       { 0, 0, 0, 1 } };
     const double back[4] = { g[0], -g[1], -g[2], -g[3] };
 
     for (int k = 0; k < 3; k++) {

@@ -7,11 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const saga_splat_rules norm = {
-    R(SAGA_CUT_LOG2 - SAGA_PEAK_LOG2), R(SAGA_ALPHA_CAP_Q16) / 65536,
-    R(SAGA_T_FLOOR_Q16) / 65536,
-    R(SAGA_LOW_PASS_NUM) / R(SAGA_LOW_PASS_DEN), 0, 0
-};
+static const saga_splat_rules norm = { R(SAGA_CUT_LOG2 - SAGA_PEAK_LOG2),
+                                       R(SAGA_ALPHA_CAP_Q16) / 65536,
+                                       R(SAGA_T_FLOOR_Q16) / 65536,
+                                       R(SAGA_LOW_PASS_NUM) /
+                                           R(SAGA_LOW_PASS_DEN),
+                                       0,
+                                       0 };
 
 bool saga_canvas_init(saga_canvas *c, size_t n_pixels, saga_error *error)
 {
@@ -70,8 +72,10 @@ double saga_canvas_mse(const saga_canvas *c)
 
     for (i = 0; i < n; i++) {
         /* Pixels with truth < 0 do not count. */
-        const double e = c->truth[i] < 0 ? 0
-            : (double)(saga_clamp(c->image[i], 0, 1) - c->truth[i]);
+        const double e = c->truth[i] < 0
+                             ? 0
+                             : (double)(saga_clamp(c->image[i], 0, 1) -
+                                        c->truth[i]);
 
         sum += e * e;
     }

@@ -24,7 +24,7 @@ enum {
     ROWS = WIDE_LANES / 8, /* rows of a block */
     PAIRS = TILE / ROWS,   /* blocks in a column */
     BLOCKS = AREA / WIDE_LANES,
-    CHECK_EVERY = 32       /* splats between two checks for unfinished pixels */
+    CHECK_EVERY = 32 /* splats between two checks for unfinished pixels */
 };
 
 /* Nanoseconds to draw a splat in a tile, and for everything else in a tile. */
@@ -34,21 +34,27 @@ enum { PAIR_NS = 40, TILE_NS = 200 };
  * top to bottom, then those of the right half. */
 typedef struct {
     _Alignas(64) real trans[AREA];
-    real colour[3][AREA];  /* sum so far */
-    real slope[3][AREA];   /* dL/dC, for the backward pass */
-    real rest[AREA];       /* D (see splat_raster_backward), for the backward
-                            * pass */
-    int x0, y0;            /* position of the tile in the picture */
-    int width, height;     /* size of its part inside the picture */
+    real colour[3][AREA]; /* sum so far */
+    real slope[3][AREA];  /* dL/dC, for the backward pass */
+    real rest[AREA];      /* D (see splat_raster_backward), for the backward
+                           * pass */
+    int x0, y0;           /* position of the tile in the picture */
+    int width, height;    /* size of its part inside the picture */
 } tile;
 
 /* The rows of blocks and halves of a tile that a splat may touch. */
-typedef struct { int y0, y1, x0, x1; } window;
+typedef struct {
+    int y0, y1, x0, x1;
+} window;
 
-typedef struct { wide floor, cut, cap, square; } limits;
+typedef struct {
+    wide floor, cut, cap, square;
+} limits;
 
 /* alpha and blending weight alpha T of a splat in the pixels of a block. */
-typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
+typedef struct {
+    real alpha[WIDE_LANES], weight[WIDE_LANES];
+} kept;
 
 /* Coordinates of the pixels of each block, relative to the middle of the
  * tile. */
@@ -122,11 +128,10 @@ static inline window clip(const saga_splat_2d *o, const tile *t)
     const int y0 = o->y0 - t->y0, y1 = o->y1 - t->y0;
 
     /* Rounds outwards to whole blocks and halves of the tile. */
-    return (window){
-        .y0 = y0 > 0 ? y0 / ROWS : 0,
-        .y1 = y1 < TILE ? (y1 + ROWS - 1) / ROWS : PAIRS,
-        .x0 = x0 >= 8, .x1 = x1 > 8 ? 2 : 1
-    };
+    return (window){ .y0 = y0 > 0 ? y0 / ROWS : 0,
+                     .y1 = y1 < TILE ? (y1 + ROWS - 1) / ROWS : PAIRS,
+                     .x0 = x0 >= 8,
+                     .x1 = x1 > 8 ? 2 : 1 };
 }
 
 static inline limits limits_of(const saga_splat_rules *rules)
@@ -149,8 +154,8 @@ static inline void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
 /* The inputs that all tiles share. */
 typedef struct {
     saga_canvas *canvas;
-    int learn;             /* backward pass from the truth (1) or from d_image
-                            * (0) */
+    int learn; /* backward pass from the truth (1) or from d_image
+                * (0) */
     limits limit;
     grid grid;
 } pass;
@@ -182,13 +187,12 @@ static inline unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
 
         for (j = win.y0; j < win.y1; j++) {
             const int b = k * PAIRS + j;
-            const wide dy = wide_add(wide_load(p->grid.y[j]),
-                                     wide_set1(d[1]));
+            const wide dy = wide_add(wide_load(p->grid.y[j]), wide_set1(d[1]));
             /* s = (g dx - n dy)^2 + (h dy)^2, and q = q0 + s + square s^2. */
             const wide v = wide_fnma(n, dy, g_dx), w = wide_mul(h, dy);
             const wide s = wide_fma(v, v, wide_mul(w, w));
-            const wide at = wide_add(q0, wide_fma(
-                wide_mul(s, s), p->limit.square, s));
+            const wide at = wide_add(
+                q0, wide_fma(wide_mul(s, s), p->limit.square, s));
 
             wide_store(q[b], at);
             touched |= (unsigned)wide_any(wide_less(at, p->limit.cut)) << b;
@@ -215,8 +219,8 @@ static inline unsigned blend(kept *to, tile *t, const saga_splat_2d *o,
         /* A finished pixel (T below the floor) takes nothing more. */
         const wide_mask on = wide_both(wide_less(q_b, p->limit.cut),
                                        wide_at_least(trans, p->limit.floor));
-        const wide alpha = wide_keep(on, wide_min(wide_exp2_neg(q_b),
-                                                  p->limit.cap));
+        const wide alpha = wide_keep(
+            on, wide_min(wide_exp2_neg(q_b), p->limit.cap));
         const wide weight = wide_mul(alpha, trans);
 
         wide_store(to->alpha, alpha);
@@ -294,10 +298,12 @@ static inline void do_tiles(void (*run)(void *, size_t), pass *p, int times)
 {
     const saga_splat_work *const w = &p->canvas->splat;
 
-    saga_parallel(&(saga_tasks){
-        .run = run, .user = p, .n = n_tiles(w),
-        .ns = times * ((double)PAIR_NS * (double)w->n_pairs +
-                       (double)TILE_NS * (double)n_tiles(w)) });
+    saga_parallel(
+        &(saga_tasks){ .run = run,
+                       .user = p,
+                       .n = n_tiles(w),
+                       .ns = times * ((double)PAIR_NS * (double)w->n_pairs +
+                                      (double)TILE_NS * (double)n_tiles(w)) });
 }
 
 #endif

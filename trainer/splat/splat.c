@@ -32,9 +32,8 @@ static void place(saga_canvas *c, const saga_splat_params *p, size_t n,
 
     saga_splat_animate_forward(to, p, given, c->t);
     if (c->n_still) {
-        saga_splat_posed behind = {
-            to->mean + 3 * n, to->quat + 4 * n, to->q0 + n
-        };
+        saga_splat_posed behind = { to->mean + 3 * n, to->quat + 4 * n,
+                                    to->q0 + n };
 
         saga_splat_animate_forward(&behind, c->still, still, c->t);
     }
@@ -45,8 +44,8 @@ static void place(saga_canvas *c, const saga_splat_params *p, size_t n,
 typedef struct {
     saga_canvas *c;
     const saga_splat_params *p;
-    size_t n;                    /* number of primitives given */
-    saga_splat_params *d;        /* for the backward pass */
+    size_t n;             /* number of primitives given */
+    saga_splat_params *d; /* for the backward pass */
     saga_splat_stats *stats;
 } pass;
 
@@ -62,9 +61,10 @@ static void place_all(saga_canvas *c, const saga_splat_params *p, size_t n)
 {
     pass t = { .c = c, .p = p, .n = n };
 
-    saga_parallel(&(saga_tasks){
-        .run = place_part, .user = &t, .n = saga_n_parts(c->splat.n, PART),
-        .ns = (double)FORWARD_NS * c->splat.n });
+    saga_parallel(&(saga_tasks){ .run = place_part,
+                                 .user = &t,
+                                 .n = saga_n_parts(c->splat.n, PART),
+                                 .ns = (double)FORWARD_NS * c->splat.n });
 }
 
 static void part_backward(void *user, size_t k)
@@ -83,9 +83,10 @@ static void place_backward(saga_splat_params *d, saga_splat_stats *stats,
     const size_t n = c->splat.n - c->n_still;
     pass t = { .c = c, .p = p, .n = n, .d = d, .stats = stats };
 
-    saga_parallel(&(saga_tasks){
-        .run = part_backward, .user = &t, .n = saga_n_parts(n, PART),
-        .ns = (double)BACKWARD_NS * (double)n });
+    saga_parallel(&(saga_tasks){ .run = part_backward,
+                                 .user = &t,
+                                 .n = saga_n_parts(n, PART),
+                                 .ns = (double)BACKWARD_NS * (double)n });
 }
 
 /* Projects the primitives and lists them for each tile. */
@@ -135,8 +136,7 @@ bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
 }
 
 bool saga_splat_learn(saga_splat_learning *l, saga_canvas *c,
-                      const saga_splat_params *p, uint32_t n,
-                      saga_error *error)
+                      const saga_splat_params *p, uint32_t n, saga_error *error)
 {
     if (!list_splats(c, p, n, error) || !reserve(c, error))
         return false;

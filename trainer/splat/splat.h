@@ -28,9 +28,9 @@
 /* Statistics for growing and pruning, to which every call of
  * saga_splat_backward adds. NULL members are skipped. */
 typedef struct saga_splat_stats {
-    real *grad2d;         /* (N) += |dL / d 2-D mean|, per pixel */
-    real *weight;         /* (N) += blending weights alpha T over the pixels */
-    uint32_t *seen;       /* (N) += 1 for each picture that it may touch */
+    real *grad2d;   /* (N) += |dL / d 2-D mean|, per pixel */
+    real *weight;   /* (N) += blending weights alpha T over the pixels */
+    uint32_t *seen; /* (N) += 1 for each picture that it may touch */
 } saga_splat_stats;
 
 #define saga_splat_forward SAGA_REAL_NAME(saga_splat_forward)
@@ -39,9 +39,9 @@ typedef struct saga_splat_stats {
 
 /* The results of saga_splat_learn. */
 typedef struct saga_splat_learning {
-    double mse;           /* set to the mean of (image - truth)^2, not
-                           * clipped */
-    saga_splat_params d;  /* gradients, added to as by saga_splat_backward */
+    double mse;              /* set to the mean of (image - truth)^2, not
+                              * clipped */
+    saga_splat_params d;     /* gradients, added to as by saga_splat_backward */
     saga_splat_stats *stats; /* added to as well, or NULL */
 } saga_splat_learning;
 

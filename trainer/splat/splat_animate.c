@@ -8,9 +8,9 @@
 #define PEAK R(SAGA_PEAK_LOG2)
 #define LOG2_E R(1.4426950408889634)
 #define LN_2 R(0.6931471805599453)
-#define LIMIT_U R(16)         /* limit of |dt| / width, as in
-                               * docs/arithmetic.md */
-#define LIMIT_AGE R(4)        /* limit of the age */
+/* Limit of |dt| / width, as in docs/arithmetic.md. */
+#define LIMIT_U R(16)
+#define LIMIT_AGE R(4) /* limit of the age */
 
 /* Returns log2(1 + 2^x), without overflow, and precise for small 2^x. */
 static real softplus2(real x)
@@ -122,8 +122,8 @@ static real motion_backward(saga_splat_params *d, const real *d_mean,
             db[6] += s * (age * age * age);
         }
         if (d->support)
-            d->support[3 * i + a] +=
-                d_mean[a] * (((b[6] * age + b[3]) * age + b[0]) * age);
+            d->support[3 * i + a] += d_mean[a] *
+                                     (((b[6] * age + b[3]) * age + b[0]) * age);
         d_age += s * ((3 * b[6] * age + 2 * b[3]) * age + b[0]);
     }
     return d_age;
@@ -178,8 +178,7 @@ static real opacity_backward(saga_splat_params *d, real d_q0,
     return dt == 0 ? 0 : d_q0 * 2 * LOG2_E * u * u / dt;
 }
 
-void saga_splat_animate_backward(saga_splat_params *d,
-                                 const saga_canvas *c,
+void saga_splat_animate_backward(saga_splat_params *d, const saga_canvas *c,
                                  const saga_splat_params *p, saga_range of)
 {
     const saga_splat_posed *const d_out = &c->splat.d_posed;

@@ -15,27 +15,27 @@
 
 #include <tgmath.h>
 
-#define K R(0.72134752044448170)       /* log2(e) / 2 */
+#define K R(0.72134752044448170) /* log2(e) / 2 */
 #define LN_2 R(0.69314718055994531)
-#define RATIO_MAX R(8)                 /* limit of |x/z| and |y/z| */
-#define MEAN_MAX R(32768)              /* limit in pixels from the picture's
-                                        * centre */
-#define BORDER R(0.15)                 /* part of a side by which the Jacobian's
-                                        * clamp exceeds the picture */
-#define SCALE_MAX R(60)                /* limit of |log2_scale| */
-#define ROW_MAX R(1048576)             /* in pixels: larger splats are shrunk to
-                                        * it */
+#define RATIO_MAX R(8) /* limit of |x/z| and |y/z| */
+/* Limit in pixels from the picture's centre. */
+#define MEAN_MAX R(32768)
+/* Part of a side by which the Jacobian's clamp exceeds the picture. */
+#define BORDER R(0.15)
+#define SCALE_MAX R(60) /* limit of |log2_scale| */
+/* In pixels: larger splats are shrunk to it. */
+#define ROW_MAX R(1048576)
 
 /* The intermediate values of a projection, for both directions. */
 typedef struct {
-    real view[3];          /* in camera axes */
-    real ratio[2];         /* x/z, y/z */
-    real slope[2];         /* x/z and y/z, clamped for the Jacobian */
-    real row[2][3];        /* J W */
-    real quat[4];          /* of unit length */
-    real quat_recip;       /* 1 / length of the given quaternion; 0: it was
-                            * zero */
-    real r[9];             /* rotation matrix */
+    real view[3];    /* in camera axes */
+    real ratio[2];   /* x/z, y/z */
+    real slope[2];   /* x/z and y/z, clamped for the Jacobian */
+    real row[2][3];  /* J W */
+    real quat[4];    /* of unit length */
+    real quat_recip; /* 1 / length of the given quaternion; 0: it was
+                      * zero */
+    real r[9];       /* rotation matrix */
     real scale[3];
     real u[2][3], t[2][3]; /* J W R, and J W R times the scales */
     real shrink;           /* 1, or the factor that reduced T to ROW_MAX */
@@ -58,7 +58,6 @@ static real max_real(real a, real b)
 {
     return a > b ? a : b;
 }
-
 
 /* --- Forward ------------------------------------------------------------- */
 
@@ -107,8 +106,7 @@ static void rotation(shape *s, const real *quat)
     if (norm2 > FLT_MIN && norm2 < REAL_MAX)
         s->quat_recip = R(1) / sqrt(norm2);
     for (i = 0; i < 4; i++)
-        s->quat[i] = s->quat_recip == 0 ? R(i == 0)
-                                        : quat[i] * s->quat_recip;
+        s->quat[i] = s->quat_recip == 0 ? R(i == 0) : quat[i] * s->quat_recip;
     s->r[0] = 1 - 2 * (q[2] * q[2] + q[3] * q[3]);
     s->r[1] = 2 * (q[1] * q[2] - q[0] * q[3]);
     s->r[2] = 2 * (q[1] * q[3] + q[0] * q[2]);
@@ -152,7 +150,9 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
                 s->t[i][j] *= s->shrink;
 }
 
-typedef struct { real a, b, c, det, cross[3]; } covariance;
+typedef struct {
+    real a, b, c, det, cross[3];
+} covariance;
 
 static void covariance_of(covariance *v, const shape *s)
 {
@@ -197,10 +197,8 @@ static real bound(saga_splat_2d *o, const covariance *v, real most,
     const real mid = (v->a + v->c) / 2;
     const real big = mid + sqrt(m * m + v->b * v->b);
 
-    span(&o->x0, &o->x1, o->mean[0], sqrt(v->a * most / K),
-         cam->width);
-    span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * most / K),
-         cam->height);
+    span(&o->x0, &o->x1, o->mean[0], sqrt(v->a * most / K), cam->width);
+    span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * most / K), cam->height);
     /* No pixel's centre is inside the ellipse. */
     if (o->x0 >= o->x1 || o->y0 >= o->y1) {
         o->x1 = o->x0;
@@ -254,8 +252,8 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     return bound(o, &v, reach(cut - o->q0, canvas->rules.square), cam);
 }
 
-void saga_splat_project_forward(saga_canvas *canvas,
-                                const saga_splat_params *p, saga_range of)
+void saga_splat_project_forward(saga_canvas *canvas, const saga_splat_params *p,
+                                saga_range of)
 {
     saga_splat_work *const w = &canvas->splat;
     size_t i;
@@ -292,8 +290,7 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     d->n = -2 * sum[SAGA_SUM_VY];
     d->h = 2 * o->h * sum[SAGA_SUM_YY];
     d->mean[0] = -2 * o->g * sum[SAGA_SUM_V];
-    d->mean[1] = 2 * o->n * sum[SAGA_SUM_V] -
-                 2 * o->h * o->h * sum[SAGA_SUM_Y];
+    d->mean[1] = 2 * o->n * sum[SAGA_SUM_V] - 2 * o->h * o->h * sum[SAGA_SUM_Y];
     for (k = 0; k < 3; k++)
         d->colour[k] = sum[SAGA_SUM_R + k];
     d->weight = sum[SAGA_SUM_WEIGHT];
@@ -362,8 +359,8 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
         if (log2_scale[j] >= -SCALE_MAX && log2_scale[j] <= SCALE_MAX)
             /* A column of T is proportional to 2^log2_scale, so d = ln 2 <dT,
              * T>. */
-            d_scale[j] += LN_2 * (dt[0][j] * s->t[0][j] +
-                                  dt[1][j] * s->t[1][j]);
+            d_scale[j] += LN_2 *
+                          (dt[0][j] * s->t[0][j] + dt[1][j] * s->t[1][j]);
         du[0][j] = dt[0][j] * s->scale[j];
         du[1][j] = dt[1][j] * s->scale[j];
     }
@@ -379,9 +376,8 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
 
 /* Computes the gradient of the position from those of the rows f/z (w_i - slope
  * w_2) and of mean = p + f x/z. A slope that was clamped is a constant. */
-static void mean_backward(real *d_mean, const real *d_mean2d,
-                          real d_row[2][3], const shape *s,
-                          const saga_splat_camera *cam)
+static void mean_backward(real *d_mean, const real *d_mean2d, real d_row[2][3],
+                          const shape *s, const saga_splat_camera *cam)
 {
     const real *const w = cam->rotation;
     const real z = s->view[2];
@@ -406,8 +402,7 @@ static void mean_backward(real *d_mean, const real *d_mean2d,
 
 /* Takes the gradients of a splat back to its primitive. A splat that was shrunk
  * to ROW_MAX gives none to its shape. */
-static void project_one_backward(saga_splat_params *d,
-                                 const splat_gradient *ds,
+static void project_one_backward(saga_splat_params *d, const splat_gradient *ds,
                                  saga_canvas *canvas, size_t i,
                                  const saga_splat_params *p)
 {
@@ -432,8 +427,7 @@ static void project_one_backward(saga_splat_params *d,
         shape_backward(d_posed->quat + 4 * i, d->log2_scale + 3 * i, d_row, dt,
                        &s, log2_scale);
     }
-    mean_backward(d_posed->mean + 3 * i, ds->mean, d_row, &s,
-                  &canvas->camera);
+    mean_backward(d_posed->mean + 3 * i, ds->mean, d_row, &s, &canvas->camera);
     d_posed->q0[i] = ds->q0;
     for (a = 0; a < 3; a++)
         d->colour[3 * i + a] += ds->colour[a];
@@ -443,15 +437,14 @@ static void note(saga_splat_stats *st, const splat_gradient *d, size_t i)
 {
     if (st->grad2d)
         st->grad2d[i] += sqrt(d->mean[0] * d->mean[0] +
-                                         d->mean[1] * d->mean[1]);
+                              d->mean[1] * d->mean[1]);
     if (st->weight)
         st->weight[i] += d->weight;
     if (st->seen)
         st->seen[i]++;
 }
 
-void saga_splat_project_backward(saga_splat_params *d,
-                                 saga_splat_stats *stats,
+void saga_splat_project_backward(saga_splat_params *d, saga_splat_stats *stats,
                                  saga_canvas *canvas,
                                  const saga_splat_params *p, saga_range of)
 {

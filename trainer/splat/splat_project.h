@@ -17,14 +17,13 @@
  * Projects canvas->splat.posed to .splat and .extent. For a primitive that is
  * dropped or outside the picture, the splat is empty (x1 = x0) and the extent
  * 0. */
-void saga_splat_project_forward(saga_canvas *canvas,
-                                const saga_splat_params *p, saga_range of);
+void saga_splat_project_forward(saga_canvas *canvas, const saga_splat_params *p,
+                                saga_range of);
 
 /* Sums the records of visible splats in tile order, and takes the gradients
  * further back. It SETS canvas->splat.d_posed of visible primitives, and ADDS
  * to d->log2_scale, d->colour and stats (which may be NULL). */
-void saga_splat_project_backward(saga_splat_params *d,
-                                 saga_splat_stats *stats,
+void saga_splat_project_backward(saga_splat_params *d, saga_splat_stats *stats,
                                  saga_canvas *canvas,
                                  const saga_splat_params *p, saga_range of);
 

@@ -21,8 +21,8 @@
 #include <string.h>
 
 enum {
-    KEPT = 2048,           /* blocks of a tile that are kept */
-    LAST = KEPT + BLOCKS,  /* room for the rest of the splat that fills them */
+    KEPT = 2048,          /* blocks of a tile that are kept */
+    LAST = KEPT + BLOCKS, /* room for the rest of the splat that fills them */
     KEPT_ALL = LAST + BLOCKS /* room for the blocks of the present splat too */
 };
 
@@ -41,11 +41,10 @@ typedef struct {
 static void write_record(real *record, const sums *s, const saga_splat_2d *o,
                          const tile *t)
 {
-    const vec all[8] = {
-        wide_fold(s->m00), wide_fold(s->m10), wide_fold(s->m01),
-        wide_fold(s->m20), wide_fold(s->m11), wide_fold(s->m02),
-        wide_fold(s->red), wide_fold(s->green)
-    };
+    const vec all[8] = { wide_fold(s->m00), wide_fold(s->m10),
+                         wide_fold(s->m01), wide_fold(s->m20),
+                         wide_fold(s->m11), wide_fold(s->m02),
+                         wide_fold(s->red), wide_fold(s->green) };
     real m[8], d[2], v0, vx, vy;
 
     vec_sum8(m, all);
@@ -95,8 +94,8 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         const wide d_green = wide_load(t->slope[1] + at);
         const wide d_blue = wide_load(t->slope[2] + at);
         const wide shown = wide_mul(
-            weight, wide_fma(d_blue, blue, wide_fma(d_green, green,
-                                                    wide_mul(d_red, red))));
+            weight, wide_fma(d_blue, blue,
+                             wide_fma(d_green, green, wide_mul(d_red, red))));
         /* D after this splat is what the splats behind it and the background
          * add. */
         const wide rest = wide_sub(wide_load(t->rest + at), shown);
@@ -144,8 +143,9 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
     const unsigned left = touched & ((1u << PAIRS) - 1);
     const unsigned right = touched >> PAIRS;
     const wide zero = wide_zero();
-    sums s = { zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
-               zero };
+    sums s = {
+        zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
+    };
 
     if (left)
         add_half(&s, t, o, p, from, 0, left);
@@ -159,10 +159,10 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
 /* The data that the forward pass of a tile keeps. */
 typedef struct {
     kept *block;
-    uint16_t *touched;     /* bit mask of blocks, for each splat that is kept */
-    size_t begin, end;     /* range of the tile's list that was drawn */
-    size_t unkept;         /* first splat that is not kept, or end */
-    real trans[AREA];      /* transmittance before that splat */
+    uint16_t *touched; /* bit mask of blocks, for each splat that is kept */
+    size_t begin, end; /* range of the tile's list that was drawn */
+    size_t unkept;     /* first splat that is not kept, or end */
+    real trans[AREA];  /* transmittance before that splat */
 } trail;
 
 static void draw_and_keep(trail *r, tile *t, const pass *p)
@@ -235,8 +235,7 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error)
                           work->n_pairs * sizeof *work->touched, error))
         return false;
     if (!saga_canvas_grow((void **)&work->squares, &work->cap[17],
-                          n_tiles(work) * sizeof *work->squares,
-                          error))
+                          n_tiles(work) * sizeof *work->squares, error))
         return false;
     if (n_threads <= work->n_kept)
         return true;
@@ -259,8 +258,7 @@ static void take_plane(real *to, const tile *t, const real *plane, int width)
 
     for (half = 0; half < 2; half++)
         for (y = 0; y < t->height; y++)
-            memcpy(to + eight_at(half, y),
-                   plane + plane_at(t, half, y, width),
+            memcpy(to + eight_at(half, y), plane + plane_at(t, half, y, width),
                    (size_t)n_inside(t, half) * sizeof *to);
 }
 
@@ -331,11 +329,10 @@ static void tile_backward(void *user, size_t index)
     const saga_splat_work *const work = &p->canvas->splat;
     const saga_splat_camera *const cam = &p->canvas->camera;
     const size_t end = work->tile_begin[index + 1];
-    trail r = {
-        .block = (kept *)work->kept + saga_thread_number() * KEPT_ALL,
-        .touched = work->touched,
-        .begin = work->tile_begin[index], .end = end
-    };
+    trail r = { .block = (kept *)work->kept + saga_thread_number() * KEPT_ALL,
+                .touched = work->touched,
+                .begin = work->tile_begin[index],
+                .end = end };
     tile t;
     size_t e;
 

@@ -19,7 +19,9 @@ enum { LIST_NS = 60 };
 
 /* --- Order --------------------------------------------------------------- */
 
-typedef struct { uint32_t key, index; } depth_key;
+typedef struct {
+    uint32_t key, index;
+} depth_key;
 
 /* For positive floats, the order of bits is the order of values. */
 static uint32_t depth_bits(real depth)
@@ -119,8 +121,8 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
     right = (o->n * a + (right > 0 ? sqrt(right) : 0)) / o->g;
     left = (o->n * b - (left > 0 ? sqrt(left) : 0)) / o->g;
     slack = R(0.05) + R(1e-4) * (fabs(right) + fabs(left) + tall);
-    *c0 = floor_tile(clamp_int(floor(o->mean[0] + left - slack), o->x0,
-                               o->x1 - 1));
+    *c0 = floor_tile(
+        clamp_int(floor(o->mean[0] + left - slack), o->x0, o->x1 - 1));
     *c1 = 1 + floor_tile(clamp_int(ceil(o->mean[0] + right + slack), o->x0,
                                    o->x1 - 1));
 }
@@ -152,7 +154,7 @@ static uint32_t part_begin(uint32_t n, size_t part, size_t n_parts)
 /* The inputs that all parts share. */
 typedef struct {
     saga_splat_work *work;
-    size_t *count;         /* (parts, tiles) */
+    size_t *count; /* (parts, tiles) */
     size_t n_parts, n_tiles;
     real cut;
 } listing;
@@ -205,8 +207,8 @@ static void scatter_part(void *user, size_t part)
 
                 /* Slots are numbered by splat, so that all records of a splat
                  * are adjacent; lists are by tile. */
-                work->pair[next[t]++] =
-                    (saga_splat_pair){ work->order[r], slot++ };
+                work->pair[next[t]++] = (saga_splat_pair){ work->order[r],
+                                                           slot++ };
             }
         }
     }
@@ -214,8 +216,8 @@ static void scatter_part(void *user, size_t part)
 
 /* Replaces count[part][tile] by the index at which this part's entries of the
  * tile begin. Returns the number of pairs. */
-static size_t prefix_tiles(size_t *count, saga_splat_work *work,
-                           size_t n_tiles, size_t n_parts)
+static size_t prefix_tiles(size_t *count, saga_splat_work *work, size_t n_tiles,
+                           size_t n_parts)
 {
     size_t sum = 0, t, part;
 
@@ -246,9 +248,9 @@ static bool begin_lists(const listing *l, saga_error *error)
     work->n_pairs = prefix_tiles(l->count, work, l->n_tiles, l->n_parts);
     if (work->n_pairs > UINT32_MAX)
         return saga_no_memory(0, "drawing a picture", error);
-    if (!saga_canvas_grow((void **)&work->pair, &work->cap[7],
-                          (work->n_pairs + SAGA_SPLAT_AHEAD) *
-                          sizeof *work->pair, error))
+    if (!saga_canvas_grow(
+            (void **)&work->pair, &work->cap[7],
+            (work->n_pairs + SAGA_SPLAT_AHEAD) * sizeof *work->pair, error))
         return false;
     /* Reads past the end of the lists, for prefetching, find splat 0, which
      * exists. */
@@ -273,12 +275,12 @@ static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
     memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
     /* Both passes find the same tiles for a splat, so counts and entries
      * agree. */
-    saga_parallel(&(saga_tasks){ .run = count_part, .user = &l, .n = n_parts,
-                                 .ns = ns });
+    saga_parallel(
+        &(saga_tasks){ .run = count_part, .user = &l, .n = n_parts, .ns = ns });
     if (!begin_lists(&l, error))
         return false;
-    saga_parallel(&(saga_tasks){ .run = scatter_part, .user = &l, .n = n_parts,
-                                 .ns = ns });
+    saga_parallel(&(saga_tasks){
+        .run = scatter_part, .user = &l, .n = n_parts, .ns = ns });
     return true;
 }
 
@@ -292,8 +294,7 @@ bool saga_splat_tiles(saga_canvas *canvas, saga_error *error)
     n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
     return sort_by_depth(work, error) &&
            saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
-                            (work->n + 1u) * sizeof *work->slot_begin,
-                            error) &&
+                            (work->n + 1u) * sizeof *work->slot_begin, error) &&
            saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
                             (n_tiles + 1) * sizeof *work->tile_begin, error) &&
            fill_lists(work, n_tiles, canvas->rules.cut, error);

@@ -10,8 +10,8 @@
 
 enum {
     SAGA_SPLAT_TILE = 16,
-    SAGA_SPLAT_AHEAD = 8   /* padding entries after the last list, which refer
-                            * to splat 0, for prefetching */
+    SAGA_SPLAT_AHEAD = 8 /* padding entries after the last list, which refer
+                          * to splat 0, for prefetching */
 };
 
 #define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)

@@ -17,18 +17,19 @@
 
 enum {
     N_PIXELS = 2000,
-    N_PASSES = 3         /* matches improve when exposures agree */
+    N_PASSES = 3 /* matches improve when exposures agree */
 };
 
-#define WORTH_IT 0.03    /* least difference of log exposures */
-#define LEFT_PART 0.8    /* largest part of all differences that may remain; if
-                          * more does, the factors come from wrong matches */
+#define WORTH_IT 0.03 /* least difference of log exposures */
+/* Largest part of all differences that may remain; if more does, the factors
+ * come from wrong matches. */
+#define LEFT_PART 0.8
 
 typedef struct job {
     const saga_pictures *pictures;
     uint64_t seed;
     int pass;
-    saga_exposure_pair *at;  /* (N_PIXELS, SAGA_PLANE_NEAR) */
+    saga_exposure_pair *at; /* (N_PIXELS, SAGA_PLANE_NEAR) */
 } job;
 
 /* Sums each channel of a patch. Returns false if a pixel is nearly black or
@@ -53,7 +54,7 @@ static bool sum_of(double sum[3], const saga_patch *p)
 static void compare(saga_exposure_pair *to, const saga_pictures *p,
                     saga_sample s, const double at[2])
 {
-    const saga_shot *const views = p->capture->views;
+    const saga_source_view *const views = p->capture->views;
     double own[3], other[3], uv[2], x[3], z;
     saga_plane_found found;
     saga_plane_sweep w;
@@ -91,7 +92,7 @@ static void compare_part(void *user, size_t part)
          * threads. */
         const uint64_t k = 3 * ((uint64_t)j->pass * N_PIXELS + i);
         const saga_sample s = saga_pictures_pick(j->pictures, r, k);
-        const saga_shot *const v = j->pictures->capture->views + s.view;
+        const saga_source_view *const v = j->pictures->capture->views + s.view;
         const double at[2] = { saga_rng_double(r, k + 1) * v->width,
                                saga_rng_double(r, k + 2) * v->height };
 
@@ -103,10 +104,10 @@ static void compare_part(void *user, size_t part)
 static void compare_all(saga_exposure_pairs *pairs, job *j)
 {
     memset(j->at, 0, N_PIXELS * SAGA_PLANE_NEAR * sizeof *j->at);
-    saga_parallel(&(saga_tasks){
-        .run = compare_part, .user = j,
-        .n = saga_n_parts(N_PIXELS, SAGA_PLANE_PART),
-        .ns = (double)SAGA_PLANE_NS * N_PIXELS });
+    saga_parallel(&(saga_tasks){ .run = compare_part,
+                                 .user = j,
+                                 .n = saga_n_parts(N_PIXELS, SAGA_PLANE_PART),
+                                 .ns = (double)SAGA_PLANE_NS * N_PIXELS });
     /* Unused entries are zero, and so compare a view with itself; they are
      * removed, and the order is kept. */
     pairs->at = j->at;
@@ -121,7 +122,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
 {
     const size_t n = 3 * (size_t)p->capture->n_views;
     saga_exposure_pairs pairs = { .n_views = p->capture->n_views,
-                                  .train = p->train, .n_train = p->n_train };
+                                  .train = p->train,
+                                  .n_train = p->n_train };
     double before = 0, after = 0;
 
     for (j->pass = 0; j->pass < N_PASSES; j->pass++) {
@@ -152,7 +154,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
 bool saga_exposure_find(saga_pictures *p, uint64_t seed, saga_error *error)
 {
     static const char what[] = "the exposures";
-    job j = { .pictures = p, .seed = seed,
+    job j = { .pictures = p,
+              .seed = seed,
               .at = saga_alloc(N_PIXELS * SAGA_PLANE_NEAR, sizeof *j.at, what,
                                error) };
     double *const log_of = saga_alloc(3 * (size_t)p->capture->n_views,

@@ -26,10 +26,13 @@ static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
 
 saga_flat_options saga_flat_defaults(void)
 {
-    return (saga_flat_options){
-        .n_primitives = 5000, .n_iterations = 4000, .seed = 1,
-        .temporal = true, .growth = 2, .start = 1, .coarse = R(0.3)
-    };
+    return (saga_flat_options){ .n_primitives = 5000,
+                                .n_iterations = 4000,
+                                .seed = 1,
+                                .temporal = true,
+                                .growth = 2,
+                                .start = 1,
+                                .coarse = R(0.3) };
 }
 
 /* --- How attributes learn ------------------------------------------------- */
@@ -49,8 +52,8 @@ static double step_of(const saga_flat *f, saga_attr_unit unit)
     switch (unit) {
     case SAGA_UNIT_PLACE:
     case SAGA_UNIT_LENGTH:
-    case SAGA_UNIT_SUPPORT:      /* half-cubes; no primitive here has a
-                                  * support */
+    case SAGA_UNIT_SUPPORT: /* half-cubes; no primitive here has a
+                             * support */
         return f->reach;
     case SAGA_UNIT_TIME:
         return 1 / fmax(saga_capture_seconds(f->pictures->capture), 1);
@@ -69,10 +72,9 @@ static void fill_rules(saga_flat *f)
 
         if (k->rate > 0 && (f->o.temporal || !k->is_temporal))
             f->attrs |= SAGA_ATTR_BIT(a);
-        f->rule[a] = (saga_flat_rule){
-            (real)k->lo, (real)k->hi, (real)(k->rate * step),
-            (real)(k->rate_end * step) * R(last_of(f))
-        };
+        f->rule[a] =
+            (saga_flat_rule){ (real)k->lo, (real)k->hi, (real)(k->rate * step),
+                              (real)(k->rate_end * step) * R(last_of(f)) };
     }
     /* A temporal width below half a frame cannot be fitted. */
     f->rule[SAGA_ATTR_LOG2_WIDTH].lo = (real)log2(frame / 2);
@@ -104,8 +106,8 @@ static double find_reach(const saga_pictures *p)
 }
 
 /* Makes everything except the primitives. */
-static saga_flat *make(const saga_pictures *pictures,
-                       const saga_flat_options *o, saga_error *error)
+static saga_flat *make_flat(const saga_pictures *pictures,
+                            const saga_flat_options *o, saga_error *error)
 {
     saga_flat *const f = saga_calloc(1, sizeof *f, "the warm-up", error);
 
@@ -147,9 +149,9 @@ static void take_given(saga_flat *f, size_t from)
         const real *const x = f->o.given->of[a];
 
         for (size_t j = 0; f->value.of[a] && j < w; j++)
-            f->value.of[a][w * i + j] =
-                x ? into_cube(x[w * from + j], k->unit, j, &f->pictures->cube)
-                  : 0;
+            f->value.of[a][w * i + j] = x ? into_cube(x[w * from + j], k->unit,
+                                                      j, &f->pictures->cube)
+                                          : 0;
         if (x)
             saga_flat_bound(f, a, (saga_range){ i, i + 1 });
     }
@@ -166,13 +168,12 @@ static bool begin_given(saga_flat *f, saga_error *error)
 }
 
 saga_flat *saga_flat_new(const saga_pictures *pictures,
-                         const saga_flat_options *options,
-                         saga_error *error)
+                         const saga_flat_options *options, saga_error *error)
 {
-    saga_flat *const f = make(pictures, options, error);
+    saga_flat *const f = make_flat(pictures, options, error);
 
-    if (!f || (options->given ? begin_given(f, error)
-                              : saga_flat_init(f, error)))
+    if (!f ||
+        (options->given ? begin_given(f, error) : saga_flat_init(f, error)))
         return f;
     saga_flat_free(f);
     return NULL;
@@ -182,7 +183,7 @@ saga_flat *saga_flat_restore(const saga_pictures *pictures,
                              const saga_flat_options *options,
                              saga_checkpoint *checkpoint, saga_error *error)
 {
-    saga_flat *const f = make(pictures, options, error);
+    saga_flat *const f = make_flat(pictures, options, error);
 
     if (!f || saga_flat_load(f, checkpoint, error))
         return f;
@@ -259,8 +260,9 @@ static void take_steps(saga_flat *f, saga_range of, real typical)
         for (size_t k = 0; k < 3; k++) {
             /* The size along this axis, in octaves from the typical one, is
              * limited to two, so a step is a quarter to four times Adam's. */
-            const real step = f->step[3 * i + k] * (real)exp2((double)
-                saga_clamp(size[k] - typical, -MOST_STEP, MOST_STEP));
+            const real step = f->step[3 * i + k] *
+                              (real)exp2((double)saga_clamp(
+                                  size[k] - typical, -MOST_STEP, MOST_STEP));
 
             for (int j = 0; j < 3; j++)
                 mean[j] += step * axes[k][j];
@@ -291,7 +293,11 @@ static void note_worth(saga_flat *f, saga_range of, double mse)
         }
 }
 
-typedef struct { saga_flat *f; real typical; double mse; } step;
+typedef struct {
+    saga_flat *f;
+    real typical;
+    double mse;
+} step;
 
 static void settle_part(void *user, size_t part)
 {
@@ -310,9 +316,10 @@ static void settle(saga_flat *f, double mse)
 {
     step s = { f, (real)mean_log2_scale(f), mse };
 
-    saga_parallel(&(saga_tasks){
-        .run = settle_part, .user = &s, .n = saga_n_parts(f->n, PART),
-        .ns = (double)SETTLE_NS * f->n });
+    saga_parallel(&(saga_tasks){ .run = settle_part,
+                                 .user = &s,
+                                 .n = saga_n_parts(f->n, PART),
+                                 .ns = (double)SETTLE_NS * f->n });
 }
 
 /* Lists the tensors to train. The means are only checked, with rate 0; their
@@ -326,11 +333,13 @@ static size_t list_tensors(saga_adam_tensor list[SAGA_N_ATTRS + 1],
         const saga_attribute *const k = &saga_attributes[a];
 
         if (f->value.of[a])
-            list[n++] = (saga_adam_tensor){
-                .name = k->name, .x = f->value.of[a], .g = f->grad.of[a],
-                .m = f->m.of[a], .v = f->v.of[a],
-                .n = (size_t)k->width * f->n, .rate = rate_at(f, a)
-            };
+            list[n++] = (saga_adam_tensor){ .name = k->name,
+                                            .x = f->value.of[a],
+                                            .g = f->grad.of[a],
+                                            .m = f->m.of[a],
+                                            .v = f->v.of[a],
+                                            .n = (size_t)k->width * f->n,
+                                            .rate = rate_at(f, a) };
     }
     /* The mean is the first tensor of the list. */
     list[n] = list[0];
@@ -346,12 +355,12 @@ static bool update(saga_flat *f, double mse, saga_error *error)
 
     /* Gradients of means are rotated before Adam, so that its moments are along
      * the axes. */
-    saga_parallel(&(saga_tasks){
-        .run = turn_gradients, .user = f, .n = saga_n_parts(f->n, PART),
-        .ns = (double)TURN_NS * f->n });
+    saga_parallel(&(saga_tasks){ .run = turn_gradients,
+                                 .user = f,
+                                 .n = saga_n_parts(f->n, PART),
+                                 .ns = (double)TURN_NS * f->n });
     n = list_tensors(tensors, f);
-    if (!saga_adam_update(&adam, tensors, n, (uint64_t)f->iteration + 1,
-                          error))
+    if (!saga_adam_update(&adam, tensors, n, (uint64_t)f->iteration + 1, error))
         return false;
     settle(f, mse);
     return true;
@@ -379,8 +388,9 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
     return (*mse >= 0 && *mse < INFINITY) ||
            saga_fail(error, NULL, "try another --seed, and report this error",
                      "picture of view %s is not finite at iteration %d",
-                     saga_novel_is(f->pictures, sample) ? "of a teacher"
-                     : f->pictures->capture->views[sample.view].name,
+                     saga_novel_is(f->pictures, sample)
+                         ? "of a teacher"
+                         : f->pictures->capture->views[sample.view].name,
                      f->iteration);
 }
 
@@ -393,8 +403,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
     sample.mip = saga_flat_mip_at(f, f->iteration);
     /* The number of primitives changes first, because this needs the statistics
      * of earlier iterations, and the gradients below belong to the new set. */
-    if (!saga_flat_change_count(f, error) ||
-        !look(f, mse, sample, error) || !update(f, *mse, error))
+    if (!saga_flat_change_count(f, error) || !look(f, mse, sample, error) ||
+        !update(f, *mse, error))
         return false;
     if (saga_novel_is(f->pictures, sample))
         *mse = 0;

@@ -19,17 +19,17 @@
 #include "splat.h"
 
 typedef struct saga_flat_options {
-    uint32_t n_primitives;     /* number at the end, exactly; 1..2^24 */
-    int n_iterations;          /* >= 1 */
+    uint32_t n_primitives; /* number at the end, exactly; 1..2^24 */
+    int n_iterations;      /* >= 1 */
     uint64_t seed;
-    bool temporal;             /* primitives have motion, slope and temporal
-                                * opacity; false: a still scene */
-    real growth;               /* largest number of primitives in the course of
-                                * training, over n_primitives */
-    real start;                /* primitives at the beginning, over
-                                * n_primitives */
-    real coarse;               /* part of the iterations with reduced
-                                * pictures */
+    bool temporal; /* primitives have motion, slope and temporal
+                    * opacity; false: a still scene */
+    real growth;   /* largest number of primitives in the course of
+                    * training, over n_primitives */
+    real start;    /* primitives at the beginning, over
+                    * n_primitives */
+    real coarse;   /* part of the iterations with reduced
+                    * pictures */
     const saga_splat_params *given; /* NULL, or n_primitives primitives in the
                                      * capture's units, without temporal
                                      * members, which replace the warm-up */
@@ -43,8 +43,7 @@ saga_flat_options saga_flat_defaults(void);
 /* Makes the first primitives; given ones need no iterations. Returns NULL with
  * *error set if memory is short. */
 saga_flat *saga_flat_new(const saga_pictures *pictures,
-                         const saga_flat_options *options,
-                         saga_error *error);
+                         const saga_flat_options *options, saga_error *error);
 void saga_flat_free(saga_flat *flat);
 
 /* Does one of n_iterations iterations. The last one leaves n_primitives

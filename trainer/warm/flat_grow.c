@@ -22,15 +22,19 @@ enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 #define GROW_END 0.25
 #define FIRST_PRUNE 0.35
 #define PRUNE_STEP 0.1
-#define FROM_PIXELS 0.9      /* part of the new primitives */
-#define MOVING_FACTOR 4.0    /* on the squared error of pixels that move, where
-                              * places of new primitives are drawn */
-#define MOVING_LEVEL 8       /* of 255: a pixel moves if it changes by more */
-#define DEAD R(-6)           /* opacity, in log2 units */
+#define FROM_PIXELS 0.9 /* part of the new primitives */
+/* On the squared error of pixels that move, where places of new primitives are
+ * drawn. */
+#define MOVING_FACTOR 4.0
+#define MOVING_LEVEL 8 /* of 255: a pixel moves if it changes by more */
+#define DEAD R(-6)     /* opacity, in log2 units */
 
 /* --- Ranking ------------------------------------------------------------- */
 
-typedef struct ranked { real score; uint32_t i; } ranked;
+typedef struct ranked {
+    real score;
+    uint32_t i;
+} ranked;
 
 static const char ranking[] = "the ranking of primitives";
 
@@ -190,9 +194,9 @@ static void three_frames(const uint8_t *rgb[3], const saga_flat *f,
     for (int k = 0; k < 3; k++) {
         const int at = (picture.frame + k * c->n_frames / 3) % c->n_frames;
 
-        rgb[k] = saga_capture_frame(c, picture.view,
-                                    saga_capture_has(c, picture.view, at)
-                                    ? at : picture.frame);
+        rgb[k] = saga_capture_frame(
+            c, picture.view,
+            saga_capture_has(c, picture.view, at) ? at : picture.frame);
     }
 }
 
@@ -215,7 +219,8 @@ static double error_sums(double *sum, const saga_flat *f, saga_sample picture)
 {
     const real *const x = f->canvas.image, *const y = f->canvas.truth;
     const size_t n = n_pixels(f), w = (size_t)f->canvas.camera.width;
-    const saga_shot *const view = f->pictures->capture->views + picture.view;
+    const saga_source_view *const view = f->pictures->capture->views +
+                                         picture.view;
     const size_t side = (size_t)1 << picture.mip;
     const uint8_t *rgb[3];
     double total = 0;
@@ -224,7 +229,7 @@ static double error_sums(double *sum, const saga_flat *f, saga_sample picture)
     for (size_t i = 0; i < n; i++) {
         /* A pixel of a reduced picture moves if the middle of its box does. */
         const size_t at = (i / w * side + side / 2) *
-                          saga_view_row_nbytes(view) +
+                              saga_view_row_nbytes(view) +
                           (i % w * side + side / 2) * 3;
         const double factor = f->o.temporal && moves(rgb, at) ? MOVING_FACTOR
                                                               : 1;
@@ -232,7 +237,7 @@ static double error_sums(double *sum, const saga_flat *f, saga_sample picture)
         for (size_t k = 0; k < 3; k++) {
             /* A pixel with truth < 0 does not count. */
             const double e = y[i] < 0 ? 0
-                : (double)(x[i + k * n] - y[i + k * n]);
+                                      : (double)(x[i + k * n] - y[i + k * n]);
 
             total += factor * e * e;
         }
@@ -297,9 +302,10 @@ static void look_part(void *user, size_t part)
 
 static void look_where_wrong(job *j)
 {
-    saga_parallel(&(saga_tasks){
-        .run = look_part, .user = j, .n = saga_n_parts(j->n, SAGA_PLANE_PART),
-        .ns = (double)SAGA_PLANE_NS * j->n });
+    saga_parallel(&(saga_tasks){ .run = look_part,
+                                 .user = j,
+                                 .n = saga_n_parts(j->n, SAGA_PLANE_PART),
+                                 .ns = (double)SAGA_PLANE_NS * j->n });
 }
 
 static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
@@ -308,8 +314,8 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
     const saga_pictures *const all = f->pictures;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW + 100);
     const saga_sample picture = {
-        .view = all->train[saga_rng_below(r, 2 * counter,
-                                          (uint32_t)all->n_train)],
+        .view =
+            all->train[saga_rng_below(r, 2 * counter, (uint32_t)all->n_train)],
         .frame = (int)saga_rng_below(r, 2 * counter + 1,
                                      (uint32_t)all->capture->n_frames),
         .mip = saga_flat_mip_at(f, f->iteration)
@@ -327,8 +333,8 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
     for (uint32_t i = 0; i < n; i++)
         /* Sigma is 1.5 pixels of the picture at its training size. */
         if (p->good[i])
-            saga_flat_add(f, p->sight + i, 1.5 * p->sight[i].footprint *
-                                           (1 << picture.mip));
+            saga_flat_add(f, p->sight + i,
+                          1.5 * p->sight[i].footprint * (1 << picture.mip));
     return true;
 }
 
@@ -337,19 +343,17 @@ static bool grow_from_pixels(saga_flat *f, uint32_t n, saga_error *error)
     static const char what[] = "new primitives";
     const uint32_t each = n / N_PICTURES + 1;
     const size_t largest = saga_pictures_largest(f->pictures);
-    const places p = {
-        saga_alloc(each, sizeof *p.sight, what, error),
-        saga_alloc(each, 1, what, error),
-        saga_alloc(largest, sizeof *p.sum, what, error)
-    };
+    const places p = { saga_alloc(each, sizeof *p.sight, what, error),
+                       saga_alloc(each, 1, what, error),
+                       saga_alloc(largest, sizeof *p.sum, what, error) };
     bool ok = p.sight && p.good && p.sum;
 
     for (uint32_t k = 0; k < N_PICTURES && ok; k++) {
         const uint32_t part = n / N_PICTURES + (k < n % N_PICTURES);
 
         if (part > 0)
-            ok = grow_from_picture(f, &p, part, (uint64_t)f->iteration *
-                                                N_PICTURES + k, error);
+            ok = grow_from_picture(
+                f, &p, part, (uint64_t)f->iteration * N_PICTURES + k, error);
     }
     free(p.sight);
     free(p.good);
@@ -427,8 +431,8 @@ static bool prune(saga_flat *f, int k, saga_error *error)
     if (k + 1 < N_PRUNES && f->n > n)
         /* Every prune divides by the same factor, here the (N_PRUNES - k)-th
          * root of f->n / n. */
-        left = (uint32_t)(n * pow(ratio, (N_PRUNES - 1.0 - k) /
-                                  (N_PRUNES - k)));
+        left = (uint32_t)(n *
+                          pow(ratio, (N_PRUNES - 1.0 - k) / (N_PRUNES - k)));
     if (f->n > left)
         return reduce(f, left, error);
     if (k + 1 < N_PRUNES)

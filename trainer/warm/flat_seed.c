@@ -15,7 +15,7 @@
 
 enum {
     PATCH = SAGA_PATCH,
-    N_NEIGHBOURS = 3     /* the nearest ones determine the scale */
+    N_NEIGHBOURS = 3 /* the nearest ones determine the scale */
 };
 
 void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
@@ -44,7 +44,10 @@ void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
 
 /* A random pixel. chance, 0..1, determines its depth if that cannot be
  * found. */
-typedef struct draw { int view, frame; double uv[2], chance; } draw;
+typedef struct draw {
+    int view, frame;
+    double uv[2], chance;
+} draw;
 
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
 {
@@ -52,14 +55,13 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     const saga_pictures *const p = f->pictures;
     const uint64_t c = counter * 5;
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
-    const saga_shot *const v = p->capture->views + view;
+    const saga_source_view *const v = p->capture->views + view;
 
     /* A draw depends only on its number, so borrow_part, later, draws the same
      * pixel again. */
     return (draw){
         .view = view,
-        .frame = (int)saga_rng_below(r, c + 1,
-                                     (uint32_t)p->capture->n_frames),
+        .frame = (int)saga_rng_below(r, c + 1, (uint32_t)p->capture->n_frames),
         .uv = { PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH),
                 PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH) },
         .chance = saga_rng_double(r, c + 4)
@@ -78,7 +80,7 @@ typedef struct sights {
 static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
                          const sights *all)
 {
-    const saga_shot *const w = f->pictures->capture->views + d->view;
+    const saga_source_view *const w = f->pictures->capture->views + d->view;
     const double *const range = f->pictures->range + 2 * d->view;
     double best = INFINITY, z;
 
@@ -118,12 +120,15 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     return found;
 }
 
-typedef struct { const sights *all; const saga_flat *f; size_t from; } job;
+typedef struct {
+    const sights *all;
+    const saga_flat *f;
+    size_t from;
+} job;
 
 static saga_range pixels_of(const job *j, size_t part)
 {
-    const saga_range of = saga_part(j->all->n - j->from, SAGA_PLANE_PART,
-                                    part);
+    const saga_range of = saga_part(j->all->n - j->from, SAGA_PLANE_PART, part);
 
     return (saga_range){ j->from + of.begin, j->from + of.end };
 }
@@ -158,17 +163,20 @@ static void borrow_part(void *user, size_t part)
 static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 {
     job j = { all, f, from };
-    saga_tasks t = { .run = look_part, .user = &j,
+    saga_tasks t = { .run = look_part,
+                     .user = &j,
                      .n = saga_n_parts(all->n - from, SAGA_PLANE_PART),
-                     .ns = (double)SAGA_PLANE_NS *
-                           (double)(all->n - from) };
+                     .ns = (double)SAGA_PLANE_NS * (double)(all->n - from) };
 
     saga_parallel(&t);
     t.run = borrow_part;
     saga_parallel(&t);
 }
 
-typedef struct along { double x; size_t i; } along;
+typedef struct along {
+    double x;
+    size_t i;
+} along;
 
 static int compare_along(const void *a, const void *b)
 {

@@ -11,9 +11,18 @@ enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
 static const char what[] = "the warm-up";
 
-saga_splat_params saga_flat_params(const saga_flat *f) { return f->value; }
-int saga_flat_iteration(const saga_flat *f) { return f->iteration; }
-uint32_t saga_flat_count(const saga_flat *f) { return f->n; }
+saga_splat_params saga_flat_params(const saga_flat *f)
+{
+    return f->value;
+}
+int saga_flat_iteration(const saga_flat *f)
+{
+    return f->iteration;
+}
+uint32_t saga_flat_count(const saga_flat *f)
+{
+    return f->n;
+}
 
 static size_t width_of(int attr)
 {
@@ -113,8 +122,8 @@ uint32_t saga_flat_append(saga_flat *f)
         const size_t w = width_of(a);
 
         for (size_t j = 0; f->value.of[a] && j < w; j++)
-            f->value.of[a][w * i + j] =
-                (real)(k->start + (j == 0 ? k->first : 0));
+            f->value.of[a][w * i + j] = (real)(k->start +
+                                               (j == 0 ? k->first : 0));
     }
     saga_flat_forget(f, i);
     return i;
@@ -198,7 +207,7 @@ static int most_mips(const saga_pictures *p)
     int widest = 0, mip = 0;
 
     for (int k = 0; k < p->n_train; k++) {
-        const saga_shot *const v = p->capture->views + p->train[k];
+        const saga_source_view *const v = p->capture->views + p->train[k];
 
         widest = v->width > widest ? v->width : widest;
     }

@@ -13,11 +13,11 @@
 
 enum {
     PATCH = SAGA_PATCH,
-    N_WITNESSES = 3      /* views that decide whether a place stands still */
+    N_WITNESSES = 3 /* views that decide whether a place stands still */
 };
 
-#define STILL 0.05       /* largest mean difference of patches that count as
-                          * equal */
+/* Largest mean difference of patches that count as equal. */
+#define STILL 0.05
 
 /* --- Over time ----------------------------------------------------------- */
 
@@ -109,7 +109,7 @@ static void witness(saga_flat_sight *s, const saga_flat *f,
 
 static void place(saga_flat_sight *s, const saga_plane_sweep *w, double depth)
 {
-    const saga_shot *const v = w->pictures->capture->views + w->view;
+    const saga_source_view *const v = w->pictures->capture->views + w->view;
 
     s->depth = depth;
     s->footprint = depth / v->fx;
@@ -128,8 +128,8 @@ static bool find_place(saga_flat_sight *s, const saga_plane_sweep *w)
     return trusted;
 }
 
-bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
-                    double v, saga_flat_sight *s)
+bool saga_flat_look(const saga_flat *f, int view, int frame, double u, double v,
+                    saga_flat_sight *s)
 {
     bool trusted;
     saga_plane_sweep w;
@@ -166,7 +166,8 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
             continue;
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -
-                      (double)q.at[2 * PATCH * (PATCH + 1)][j]) / 3;
+                      (double)q.at[2 * PATCH * (PATCH + 1)][j]) /
+                 3;
         /* The nearest view has the smallest pixel at this place, which is the
          * footprint. */
         if (z < depth) {

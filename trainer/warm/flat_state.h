@@ -9,31 +9,34 @@
 
 /* Streams of random numbers (rng.h); counters are iterations or draws. */
 enum {
-    FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE,
+    FLAT_RNG_PICTURE,
+    FLAT_RNG_SEED,
+    FLAT_RNG_GROW,
+    FLAT_RNG_SCORE,
     FLAT_RNG_EXPOSURE
 };
 
 /* How an attribute is trained in one set. */
 typedef struct saga_flat_rule {
-    real lo, hi;                /* values are clamped to this range */
-    real rate, rate_end;        /* first and last learning rate */
+    real lo, hi;         /* values are clamped to this range */
+    real rate, rate_end; /* first and last learning rate */
 } saga_flat_rule;
 
 struct saga_flat {
     const saga_pictures *pictures;
     saga_flat_options o;
-    double reach;               /* typical depth of the scene, in half-cubes */
-    uint32_t attrs;             /* set of the attributes in use */
+    double reach;   /* typical depth of the scene, in half-cubes */
+    uint32_t attrs; /* set of the attributes in use */
     saga_flat_rule rule[SAGA_N_ATTRS];
 
     uint32_t n, cap;
     saga_splat_params value, grad, m, v; /* m, v: Adam's moments */
-    saga_splat_stats stats;     /* sums, halved in every round of growing */
-    real *worth;                /* (n) growth of the squared error without each
-                                 * primitive: a sum that is halved every
-                                 * epoch */
-    real *step;                 /* (n, 3) step of the means, along each
-                                 * primitive's axes */
+    saga_splat_stats stats; /* sums, halved in every round of growing */
+    real *worth;            /* (n) growth of the squared error without each
+                             * primitive: a sum that is halved every
+                             * epoch */
+    real *step;             /* (n, 3) step of the means, along each
+                             * primitive's axes */
     int iteration;
 
     saga_canvas canvas;
@@ -42,9 +45,9 @@ struct saga_flat {
 /* A sight: the place in the scene that a pixel shows, and when it is
  * visible. */
 typedef struct saga_flat_sight {
-    double position[3];         /* world units */
-    double depth, footprint;    /* world units; footprint: size of a pixel
-                                 * there */
+    double position[3];      /* world units */
+    double depth, footprint; /* world units; footprint: size of a pixel
+                              * there */
     real rgb[3];
     real t_centre, log2_width;
     bool still;
@@ -72,8 +75,8 @@ bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 /* flat_sight.c */
 /* Sets *s from a pixel. Returns false if the depth is a guess; the rest of *s
  * is set then too, except if the pixel is too close to the border (depth 0). */
-bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
-                    double v, saga_flat_sight *s);
+bool saga_flat_look(const saga_flat *f, int view, int frame, double u, double v,
+                    saga_flat_sight *s);
 /* Sets *s from a point of the capture. The point is assumed to be seen at frame
  * 0 by the views in which its colour fits. Returns false if there is none. */
 bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,

@@ -10,12 +10,12 @@ enum {
     PATCH = SAGA_PATCH,
     N_NEAR = SAGA_PLANE_NEAR,
     N_DEPTHS = 64,
-    N_FINE = 8           /* refinement steps on each side */
+    N_FINE = 8 /* refinement steps on each side */
 };
 
-#define NO_MATCH 0.25    /* cost if no view sees the place */
-#define CONTRAST 1.8     /* least mean cost over best cost for a trusted
-                          * match */
+#define NO_MATCH 0.25 /* cost if no view sees the place */
+/* Least mean cost over best cost for a trusted match. */
+#define CONTRAST 1.8
 
 /* --- Patches ------------------------------------------------------------- */
 
@@ -43,15 +43,14 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
                     int frame, double u, double v)
 {
     const saga_capture *const c = from->capture;
-    const saga_shot *const w = c->views + view;
+    const saga_source_view *const w = c->views + view;
     float scale[3];
     const uint8_t *rgb;
     int x, y, n = 0;
 
     if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
           v < w->height - PATCH) ||
-        !counts(c, view, frame, (int)u - PATCH, (int)v - PATCH,
-                2 * PATCH + 1))
+        !counts(c, view, frame, (int)u - PATCH, (int)v - PATCH, 2 * PATCH + 1))
         return false;
     exposure_of(scale, from, view);
     rgb = saga_capture_frame(c, view, frame) +
@@ -68,7 +67,7 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
                         int frame, double u, double v)
 {
     const saga_capture *const c = from->capture;
-    const saga_shot *const w = c->views + view;
+    const saga_source_view *const w = c->views + view;
     const size_t stride = saga_view_row_nbytes(w);
     /* The first sample of the patch is between pixels, whose centres are
      * at + 0.5; the square that is read is one pixel larger. */
@@ -111,7 +110,8 @@ double saga_patch_distance(const saga_patch *a, const saga_patch *b)
 
 /* --- Depth of a pixel ---------------------------------------------------- */
 
-static double centre_distance(const saga_shot *a, const saga_shot *b)
+static double centre_distance(const saga_source_view *a,
+                              const saga_source_view *b)
 {
     double sum = 0;
 
@@ -132,12 +132,13 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
  * first. Returns their number. */
 static int near_views(int *near, const saga_pictures *p, int view)
 {
-    const saga_shot *const all = p->capture->views, *const a = all + view;
+    const saga_source_view *const all = p->capture->views, *const a = all +
+                                                                      view;
     double far[N_NEAR];
     int n = 0;
 
     for (int k = 0; k < p->n_train; k++) {
-        const saga_shot *const b = all + p->train[k];
+        const saga_source_view *const b = all + p->train[k];
         double same = 0;
 
         /* Row 2 of a rotation is the forward axis; `same` is the cosine of the

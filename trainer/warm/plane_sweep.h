@@ -12,18 +12,20 @@
 #include "pictures.h"
 
 enum {
-    SAGA_PATCH = 2,         /* radius: (2 SAGA_PATCH + 1)^2 pixels */
+    SAGA_PATCH = 2, /* radius: (2 SAGA_PATCH + 1)^2 pixels */
     SAGA_PATCH_PIXELS = (2 * SAGA_PATCH + 1) * (2 * SAGA_PATCH + 1),
-    SAGA_PLANE_NEAR = 6,    /* number of views compared */
-    SAGA_PLANE_PART = 8,    /* pixels in one task */
-    SAGA_PLANE_NS = 50000   /* nanoseconds for a pixel */
+    SAGA_PLANE_NEAR = 6,  /* number of views compared */
+    SAGA_PLANE_PART = 8,  /* pixels in one task */
+    SAGA_PLANE_NS = 50000 /* nanoseconds for a pixel */
 };
 
-#define SAGA_GOOD_MATCH 0.1 /* patches whose distance is below this show the
-                             * same place */
+/* Patches whose distance is below this show the same place. */
+#define SAGA_GOOD_MATCH 0.1
 
 /* A patch of R, G, B values of 0..1, row by row. */
-typedef struct saga_patch { float at[SAGA_PATCH_PIXELS][3]; } saga_patch;
+typedef struct saga_patch {
+    float at[SAGA_PATCH_PIXELS][3];
+} saga_patch;
 
 /* Copies the pixel at (u, v) and the pixels around it. Returns false if the
  * patch exceeds the picture or the pixels that count. */
@@ -41,14 +43,14 @@ typedef struct saga_plane_sweep {
     const saga_pictures *pictures;
     int view, frame;
     int n_near, near[SAGA_PLANE_NEAR]; /* indices of views, nearest first */
-    double uv[2];           /* centre of the pixel */
+    double uv[2];                      /* centre of the pixel */
     saga_patch own;
 } saga_plane_sweep;
 
 typedef struct saga_plane_found {
-    double depth;           /* world units */
-    double cost, contrast;  /* cost of the best match; contrast: mean cost over
-                             * all depths, divided by the best cost */
+    double depth;          /* world units */
+    double cost, contrast; /* cost of the best match; contrast: mean cost over
+                            * all depths, divided by the best cost */
 } saga_plane_found;
 
 /* Begins the sweep of a pixel. Returns false if its patch exceeds the picture

@@ -33,8 +33,10 @@ static int open_log(saga_error *error)
     (void)snprintf(path, sizeof path, "%s/saga-log.XXXXXX", folder);
     const int fd = mkstemp(path);
     if (fd < 0) {
-        saga_fail_errno(error, folder, "set TMPDIR to a folder that can be "
-                        "written", "no temporary file can be made there");
+        saga_fail_errno(error, folder,
+                        "set TMPDIR to a folder that can be "
+                        "written",
+                        "no temporary file can be made there");
         return -1;
     }
     /* The file loses its name now, so that it disappears with its last
@@ -88,16 +90,18 @@ static int start_locked(saga_child *child, const char *const *argv, bool fed)
     return r;
 }
 
-static bool start(saga_child *child, const char *const *argv, bool fed,
-                  saga_error *error)
+static bool start_child(saga_child *child, const char *const *argv, bool fed,
+                        saga_error *error)
 {
     int r = 0;
-    *child = (saga_child){.in = -1, .out = -1, .log = open_log(error),
-                          .patience = SAGA_CHILD_PATIENCE};
+    *child = (saga_child){ .in = -1,
+                           .out = -1,
+                           .log = open_log(error),
+                           .patience = SAGA_CHILD_PATIENCE };
     if (child->log < 0)
         return false;
-    /* Processes are started one at a time: one started between another thread's
-     * pipe() and its close-on-exec would keep that pipe open. */
+        /* Processes are started one at a time: one started between another
+         * thread's pipe() and its close-on-exec would keep that pipe open. */
 #pragma omp critical(saga_child)
     r = start_locked(child, argv, fed);
     if (r == 0)
@@ -107,20 +111,22 @@ static bool start(saga_child *child, const char *const *argv, bool fed,
     close_fd(&child->out);
     close_fd(&child->log);
     errno = r;
-    return saga_fail_errno(error, argv[0], "install ffmpeg (it brings ffprobe) "
-                           "and have it in PATH", "cannot be run");
+    return saga_fail_errno(error, argv[0],
+                           "install ffmpeg (it brings ffprobe) "
+                           "and have it in PATH",
+                           "cannot be run");
 }
 
 bool saga_child_start(saga_child *child, const char *const *argv,
                       saga_error *error)
 {
-    return start(child, argv, false, error);
+    return start_child(child, argv, false, error);
 }
 
 bool saga_child_start_fed(saga_child *child, const char *const *argv,
                           saga_error *error)
 {
-    return start(child, argv, true, error);
+    return start_child(child, argv, true, error);
 }
 
 bool saga_child_write(saga_child *child, const void *buffer, size_t n)
@@ -130,8 +136,7 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
     while (done < n) {
         /* With MSG_NOSIGNAL the end of the child is an error here instead of
          * SIGPIPE. */
-        const ssize_t r = send(child->in, bytes + done, n - done,
-                               MSG_NOSIGNAL);
+        const ssize_t r = send(child->in, bytes + done, n - done, MSG_NOSIGNAL);
         if (r < 0 && errno == EINTR)
             continue;
         if (r <= 0)
@@ -145,7 +150,7 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
  * happens in time. */
 static bool has_output(saga_child *child)
 {
-    struct pollfd p = {.fd = child->out, .events = POLLIN};
+    struct pollfd p = { .fd = child->out, .events = POLLIN };
     int r;
     do
         r = poll(&p, 1, 1000 * child->patience);
@@ -214,8 +219,10 @@ int saga_child_end(saga_child *child, bool kill_it)
     child->pid = 0;
     quote_log(child);
     if (child->hung)
-        (void)snprintf(child->tail, sizeof child->tail, "it printed nothing "
-                       "for %d s", child->patience);
+        (void)snprintf(child->tail, sizeof child->tail,
+                       "it printed nothing "
+                       "for %d s",
+                       child->patience);
     close_fd(&child->log);
     return r > 0 && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }

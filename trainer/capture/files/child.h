@@ -17,14 +17,14 @@
 enum { SAGA_CHILD_PATIENCE = 300 };
 
 typedef struct saga_child {
-    pid_t pid;      /* 0: not running */
-    int patience;   /* seconds; saga_child_start sets SAGA_CHILD_PATIENCE */
-    bool hung;      /* it was killed because it produced no output */
-    int in, out;    /* file descriptors: its standard input, which we write, and
-                     * its output, which we read; -1: none */
-    int log;        /* file descriptor of its standard error; -1: none */
+    pid_t pid;    /* 0: not running */
+    int patience; /* seconds; saga_child_start sets SAGA_CHILD_PATIENCE */
+    bool hung;    /* it was killed because it produced no output */
+    int in, out;  /* file descriptors: its standard input, which we write, and
+                   * its output, which we read; -1: none */
+    int log;      /* file descriptor of its standard error; -1: none */
     char said[2048]; /* the end of its standard error, after saga_child_end */
-    char tail[256]; /* the last line of that, fit to be printed */
+    char tail[256];  /* the last line of that, fit to be printed */
 } saga_child;
 
 /* Starts a program, which is looked up in PATH; argv ends with NULL. */

@@ -33,9 +33,9 @@ static char *make_url(const saga_ffmpeg_input *input, saga_error *error)
     const size_t n = strlen(path) + 80;
     char *const url = saga_alloc(n, 1, path, error);
     if (url && input->nbytes)
-        (void)snprintf(url, n, "subfile,,start,%" PRIu64 ",end,%" PRIu64
-                       ",,:file:%s", input->offset,
-                       input->offset + input->nbytes, path);
+        (void)snprintf(url, n,
+                       "subfile,,start,%" PRIu64 ",end,%" PRIu64 ",,:file:%s",
+                       input->offset, input->offset + input->nbytes, path);
     else if (url)
         (void)snprintf(url, n, "%s%s", input->path ? "file:" : "", path);
     return url;
@@ -50,13 +50,17 @@ static bool add_input(arguments *a, const saga_ffmpeg_input *input, int i,
         "mov,matroska,avi,mpegts,mpeg,ogg,flv,ivf,obu,h264,hevc,m4v,mpegvideo,"
         "mxf,asf,wav,w64,aiff,caf,au,mp3,flac,aac,ac3,eac3,amr,wv";
     const char *const format = input->format;
-    const char *const guard[] = {
-        "-protocol_whitelist", "file,pipe,subfile",
-        "-format_whitelist", format ? format : containers,
-        "-max_pixels", "268435456",
-        format ? "-f" : NULL, format, NULL};
+    const char *const guard[] = { "-protocol_whitelist",
+                                  "file,pipe,subfile",
+                                  "-format_whitelist",
+                                  format ? format : containers,
+                                  "-max_pixels",
+                                  "268435456",
+                                  format ? "-f" : NULL,
+                                  format,
+                                  NULL };
     a->urls[i] = make_url(input, error);
-    const char *const from[] = {"-i", a->urls[i], NULL};
+    const char *const from[] = { "-i", a->urls[i], NULL };
     add(a, guard);
     add(a, input->words);
     add(a, from);
@@ -66,8 +70,8 @@ static bool add_input(arguments *a, const saga_ffmpeg_input *input, int i,
 bool saga_ffmpeg_start(saga_child *child, const saga_ffmpeg *job,
                        saga_error *error)
 {
-    const char *const begin[] = {job->program, "-v", "error", NULL};
-    arguments a = {.n = 0};
+    const char *const begin[] = { job->program, "-v", "error", NULL };
+    arguments a = { .n = 0 };
     add(&a, begin);
     bool ok = add_input(&a, &job->inputs[0], 0, error) &&
               (!job->inputs[1].path ||
@@ -95,14 +99,15 @@ static int refused_format(const saga_child *child, const char **name)
 }
 
 bool saga_ffmpeg_refuse(const saga_child *child, const char *path,
-                        const char *remedy, const char *what,
-                        saga_error *error)
+                        const char *remedy, const char *what, saga_error *error)
 {
     const char *name;
     const int n = refused_format(child, &name);
     if (n > 0)
-        return saga_fail(error, path, "give the media file itself", "is in "
+        return saga_fail(error, path, "give the media file itself",
+                         "is in "
                          "ffmpeg's format \"%.*s\", which can name other "
-                         "files, so that it is not read", n, name);
+                         "files, so that it is not read",
+                         n, name);
     return saga_fail(error, path, remedy, "%s (%s)", what, child->tail);
 }

@@ -20,10 +20,10 @@ typedef struct saga_ffmpeg_input {
 } saga_ffmpeg_input;
 
 typedef struct saga_ffmpeg {
-    const char *program;      /* "ffmpeg" or "ffprobe" */
+    const char *program;         /* "ffmpeg" or "ffprobe" */
     saga_ffmpeg_input inputs[2]; /* the second is used if it has a path */
-    const char *const *words; /* the options after the inputs, then NULL */
-    const char *const *last;  /* what follows these; may be NULL */
+    const char *const *words;    /* the options after the inputs, then NULL */
+    const char *const *last;     /* what follows these; may be NULL */
 } saga_ffmpeg;
 
 /* Starts the program. It reads its standard input if that is its first input;

@@ -66,7 +66,7 @@ static bool quote_words(saga_bytes *to, const saga_bytes *from,
     const char *p = (const char *)from->data, *const end = p + from->nbytes;
     bool inside = false; /* a string */
     /* The shortest of these words has three characters and gets two more. */
-    *to = (saga_bytes){saga_alloc(from->nbytes * 2 + 1, 1, path, error), 0};
+    *to = (saga_bytes){ saga_alloc(from->nbytes * 2 + 1, 1, path, error), 0 };
     while (to->data && p < end) {
         const size_t word = inside ? 0 : strspn(p, letters);
         const bool quoted = saga_is_no_number(p, word);
@@ -88,12 +88,11 @@ static bool bad_json(const json_error_t *problem, const char *path,
                      saga_error *error)
 {
     const bool nonfinite = strstr(problem->text, "real number overflow");
-    return saga_fail(error, path, nonfinite ? "export the poses again"
-                                            : "correct the file",
-                     "%s at line %d, column %d (%s)",
-                     nonfinite ? "holds a number that is not finite"
-                               : "is not valid JSON",
-                     problem->line, problem->column, problem->text);
+    return saga_fail(
+        error, path, nonfinite ? "export the poses again" : "correct the file",
+        "%s at line %d, column %d (%s)",
+        nonfinite ? "holds a number that is not finite" : "is not valid JSON",
+        problem->line, problem->column, problem->text);
 }
 
 json_t *saga_json_parse(const saga_bytes *text, const char *path,
@@ -106,12 +105,12 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
                               text->nbytes - bom, 0, &problem);
     /* If an allocation failed, jansson's error about the text is
      * meaningless. */
-    bool ok = root || saga_json_starved() ||
-              bad_json(&problem, path, error);
+    bool ok = root || saga_json_starved() || bad_json(&problem, path, error);
     if (saga_json_starved())
         ok = saga_no_memory(0, path, error);
     else if (ok && !json_is_object(root))
-        ok = saga_fail(error, path, "correct the file", "\"(root)\" at the "
+        ok = saga_fail(error, path, "correct the file",
+                       "\"(root)\" at the "
                        "top is not an object");
     if (ok)
         return root;
@@ -121,7 +120,7 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
 
 json_t *saga_json_read(const char *path, saga_error *error)
 {
-    saga_bytes bytes, quoted = {0};
+    saga_bytes bytes, quoted = { 0 };
     json_t *root = NULL;
     if (saga_read_text(&bytes, path, error) &&
         quote_words(&quoted, &bytes, path, error))

@@ -117,8 +117,9 @@ static void copy_items(saga_npy *npy, const npy_header *h, const uint8_t *p)
         for (size_t c = 0; c < h->cols; c++) {
             const size_t i = h->fortran ? c * h->rows + r : r * h->cols + c;
             const uint8_t *const item = p + i * (size_t)h->item_nbytes;
-            npy->data[r * h->cols + c] =
-                h->item_nbytes == 8 ? saga_load_f64(item) : saga_load_f32(item);
+            npy->data[r * h->cols + c] = h->item_nbytes == 8
+                                             ? saga_load_f64(item)
+                                             : saga_load_f32(item);
         }
 }
 
@@ -128,7 +129,7 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
     char text[MAX_HEADER];
     size_t n = 0;
     const uint8_t *const header = take_header(c, &n);
-    npy_header h = {0};
+    npy_header h = { 0 };
     if (!header)
         return saga_fail(error, path, "save it again with numpy.save",
                          "is not an .npy file, or its header is cut short");
@@ -144,8 +145,8 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
         h.rows * h.cols * item != saga_left(c))
         return saga_fail(error, path, "save or copy it again",
                          "announces %zu x %zu numbers of %zu bytes but holds "
-                         "%zu bytes", h.rows, h.cols, item,
-                         saga_left(c));
+                         "%zu bytes",
+                         h.rows, h.cols, item, saga_left(c));
     npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data, path, error);
     if (!npy->data)
         return false;
@@ -160,15 +161,15 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
 bool saga_npy_parse(saga_npy *npy, const uint8_t *bytes, size_t nbytes,
                     const char *path, saga_error *error)
 {
-    saga_cursor c = {bytes, bytes + nbytes, false};
-    *npy = (saga_npy){0};
+    saga_cursor c = { bytes, bytes + nbytes, false };
+    *npy = (saga_npy){ 0 };
     return read_array(npy, &c, path, error);
 }
 
 bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
 {
     saga_bytes bytes;
-    *npy = (saga_npy){0};
+    *npy = (saga_npy){ 0 };
     if (!saga_read_file(&bytes, path, error))
         return false;
     bool ok = saga_npy_parse(npy, bytes.data, bytes.nbytes, path, error);
@@ -185,5 +186,5 @@ bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
 void saga_npy_free(saga_npy *npy)
 {
     free(npy->data);
-    *npy = (saga_npy){0};
+    *npy = (saga_npy){ 0 };
 }

@@ -11,10 +11,10 @@
 enum { SAGA_NPY_SIDES = 4 };
 
 typedef struct saga_npy {
-    int n_sides;          /* number of dimensions */
+    int n_sides;                 /* number of dimensions */
     size_t side[SAGA_NPY_SIDES]; /* sizes; 1 for unused dimensions */
-    size_t rows, cols;    /* the first size, and the product of the others */
-    double *data;         /* (rows, cols) */
+    size_t rows, cols; /* the first size, and the product of the others */
+    double *data;      /* (rows, cols) */
 } saga_npy;
 
 /* Reads a file with an array of one or two dimensions. */

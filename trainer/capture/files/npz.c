@@ -48,8 +48,8 @@ bool saga_npz_read(saga_npy *npy, const saga_npz *npz, const char *name,
     bool ok;
 
     *npy = (saga_npy){ 0 };
-    if (!saga_zip_read(&bytes, &npz->zip, member_of(member, name),
-                       MOST_NBYTES, error))
+    if (!saga_zip_read(&bytes, &npz->zip, member_of(member, name), MOST_NBYTES,
+                       error))
         return false;
     ok = saga_npy_parse(npy, bytes.data, bytes.nbytes, npz->path, error);
     saga_bytes_free(&bytes);

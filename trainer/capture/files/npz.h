@@ -11,8 +11,8 @@
 #include "zip.h"
 
 typedef struct saga_npz {
-    const char *path;        /* for messages; owned by the caller */
-    saga_bytes bytes;        /* the whole file */
+    const char *path; /* for messages; owned by the caller */
+    saga_bytes bytes; /* the whole file */
     saga_zip zip;
 } saga_npz;
 

@@ -18,12 +18,14 @@ static const struct {
     size_t n;
     const saga_picture_kind *kind;
 } magics[] = {
-    {"\x89PNG\r\n\x1a\n", 8, &saga_png_kind},
-    {"\x76\x2f\x31\x01", 4, &saga_exr_kind},
-    {"\xff\xd8\xff", 3, &saga_jpeg_kind},
-    {"RIFF????WEBP", 12, &saga_webp_kind},
-    {"II*\0", 4, &saga_tiff_kind}, {"MM\0*", 4, &saga_tiff_kind},
-    {"II+\0", 4, &saga_tiff_kind}, {"MM\0+", 4, &saga_tiff_kind},
+    { "\x89PNG\r\n\x1a\n", 8, &saga_png_kind },
+    { "\x76\x2f\x31\x01", 4, &saga_exr_kind },
+    { "\xff\xd8\xff", 3, &saga_jpeg_kind },
+    { "RIFF????WEBP", 12, &saga_webp_kind },
+    { "II*\0", 4, &saga_tiff_kind },
+    { "MM\0*", 4, &saga_tiff_kind },
+    { "II+\0", 4, &saga_tiff_kind },
+    { "MM\0+", 4, &saga_tiff_kind },
 };
 
 static bool begins_with(const uint8_t *bytes, const char *magic, size_t n)
@@ -37,7 +39,7 @@ static bool begins_with(const uint8_t *bytes, const char *magic, size_t n)
 /* Returns the format of a file, NULL with *error set if it is of none. */
 static const saga_picture_kind *kind_of(const char *path, saga_error *error)
 {
-    uint8_t start[12] = {0};
+    uint8_t start[12] = { 0 };
     FILE *const file = saga_open_file(path);
     if (!file) {
         saga_fail_errno(error, path, "check the path in the capture's files",
@@ -52,8 +54,8 @@ static const saga_picture_kind *kind_of(const char *path, saga_error *error)
             return magics[i].kind;
     saga_fail(error, path, "convert it to PNG or JPEG",
               "is not a PNG, JPEG, WebP, TIFF or OpenEXR picture (starts with "
-              "%02x %02x %02x %02x, %zu bytes read)", start[0], start[1],
-              start[2], start[3], n);
+              "%02x %02x %02x %02x, %zu bytes read)",
+              start[0], start[1], start[2], start[3], n);
     return NULL;
 }
 
@@ -68,7 +70,7 @@ bool saga_picture_probe(const char *path, saga_picture_look *look,
                         saga_error *error)
 {
     const saga_picture_kind *const kind = kind_of(path, error);
-    *look = (saga_picture_look){0};
+    *look = (saga_picture_look){ 0 };
     return kind && kind->probe(path, look, error);
 }
 
@@ -77,13 +79,12 @@ static bool read_turned(const saga_picture_kind *kind, const char *path,
                         const saga_picture_wish *wish, int orientation,
                         uint8_t *pixels, saga_error *error)
 {
-    const saga_picture_wish stored = {.width = wish->height,
-                                      .height = wish->width,
-                                      .form = wish->form};
+    const saga_picture_wish stored = { .width = wish->height,
+                                       .height = wish->width,
+                                       .form = wish->form };
     const size_t each = saga_picture_pixel(wish->form);
-    uint8_t *const buffer =
-        saga_alloc((size_t)wish->width * (size_t)wish->height, each, path,
-                   error);
+    uint8_t *const buffer = saga_alloc(
+        (size_t)wish->width * (size_t)wish->height, each, path, error);
     const bool ok = buffer && kind->read(path, &stored, buffer, error);
     if (ok)
         saga_turn(orientation, stored.width, stored.height, each, buffer,
@@ -96,15 +97,16 @@ bool saga_picture_read(const char *path, const saga_picture_wish *wish,
                        uint8_t *pixels, saga_error *error)
 {
     const saga_picture_kind *const kind = kind_of(path, error);
-    saga_picture_look look = {0};
+    saga_picture_look look = { 0 };
     if (!kind || (wish->upright && !kind->probe(path, &look, error)))
         return false;
     /* A mask that was drawn on the turned picture does not ask to be turned. */
     const bool ok = saga_turn_swaps(look.orientation)
-        ? read_turned(kind, path, wish, look.orientation, pixels, error)
-        : kind->read(path, wish, pixels, error);
+                        ? read_turned(kind, path, wish, look.orientation,
+                                      pixels, error)
+                        : kind->read(path, wish, pixels, error);
     if (ok && wish->form == SAGA_PICTURE_RGBA)
-        saga_picture_clear_hidden(pixels, (size_t)wish->width *
-                                          (size_t)wish->height);
+        saga_picture_clear_hidden(pixels,
+                                  (size_t)wish->width * (size_t)wish->height);
     return ok;
 }

@@ -21,26 +21,26 @@
 #include "capture.h"
 
 typedef struct saga_picture_look {
-    int width, height;       /* as stored */
-    int orientation;         /* picture_turn.h */
-    char ignored[80];        /* what the file asks for and reading does not do;
-                              * "" if nothing */
+    int width, height; /* as stored */
+    int orientation;   /* picture_turn.h */
+    char ignored[80];  /* what the file asks for and reading does not do;
+                        * "" if nothing */
 } saga_picture_look;
 
 bool saga_picture_probe(const char *path, saga_picture_look *look,
                         saga_error *error);
 
 typedef enum saga_picture_form {
-    SAGA_PICTURE_RGB,        /* over black */
-    SAGA_PICTURE_RGBA,       /* the colour without black; 0 under alpha 0 */
-    SAGA_PICTURE_MASK        /* RGB in which 16 bits are rounded up to 8, so
-                              * that only 0 becomes 0 */
+    SAGA_PICTURE_RGB,  /* over black */
+    SAGA_PICTURE_RGBA, /* the colour without black; 0 under alpha 0 */
+    SAGA_PICTURE_MASK  /* RGB in which 16 bits are rounded up to 8, so
+                        * that only 0 becomes 0 */
 } saga_picture_form;
 
 typedef struct saga_picture_wish {
-    int width, height;       /* the picture must have exactly this size */
-    bool upright;            /* turn it, if it asks to be shown with width and
-                              * height exchanged */
+    int width, height; /* the picture must have exactly this size */
+    bool upright;      /* turn it, if it asks to be shown with width and
+                        * height exchanged */
     saga_picture_form form;
 } saga_picture_wish;
 
@@ -52,8 +52,8 @@ bool saga_picture_read(const char *path, const saga_picture_wish *wish,
  * the depth; 0 if the file cannot be read. */
 int saga_picture_scratch(const char *path);
 
-bool saga_png_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error);
+bool saga_png_write(const char *path, int width, int height, const uint8_t *rgb,
+                    saga_error *error);
 
 /* Writes a PNG of grey, (height, width), with 16 bits. */
 bool saga_png_write_grey(const char *path, int width, int height,
@@ -69,8 +69,8 @@ bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
                          saga_error *error);
 /* Writes 8-bit sRGB as linear half floats; reading them returns the same 8
  * bits. */
-bool saga_exr_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error);
+bool saga_exr_write(const char *path, int width, int height, const uint8_t *rgb,
+                    saga_error *error);
 /* Write floats, (height, width), as the channel Z or A. */
 bool saga_exr_write_depth(const char *path, int width, int height,
                           const float *depth, saga_error *error);

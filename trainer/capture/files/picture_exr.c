@@ -58,24 +58,27 @@ typedef struct exr_input {
     saga_error *error;
     int part;
     exr_attr_box2i_t data, display; /* the windows */
-    int width, height;       /* of the display window, which is the picture */
+    int width, height; /* of the display window, which is the picture */
     int chunk_width, chunk_height;
     bool tiled;
-    const char *names[4];    /* R G B or Y, and A if there is one; or Z */
+    const char *names[4]; /* R G B or Y, and A if there is one; or Z */
     int n;
 } exr_input;
 
 static bool exr_failed(const exr_input *in, exr_result_t code)
 {
-    static const char *const names[] = {"none", "RLE", "ZIPS", "ZIP", "PIZ",
-                                        "PXR24", "B44", "B44A", "DWAA", "DWAB"};
+    static const char *const names[] = {
+        "none",  "RLE", "ZIPS", "ZIP",  "PIZ",
+        "PXR24", "B44", "B44A", "DWAA", "DWAB"
+    };
     exr_compression_t kind = EXR_COMPRESSION_NONE;
     if (code == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
         (void)exr_get_compression(in->context, in->part, &kind);
     if (kind > EXR_COMPRESSION_NONE && kind <= EXR_COMPRESSION_DWAB)
         return saga_fail(in->error, in->path, "write it with ZIP or PIZ",
                          "EXR is compressed by %s, which this OpenEXR cannot "
-                         "read", names[kind]);
+                         "read",
+                         names[kind]);
     return exr_fail(in->path, code, in->error);
 }
 
@@ -108,8 +111,10 @@ static bool want_colour(exr_input *in, const exr_attr_chlist_t *list)
         return false;
     in->n = 0;
     for (const char *c = rgb ? "RGB" : "Y"; *c; c++)
-        in->names[in->n++] = *c == 'R' ? "R" : *c == 'G' ? "G"
-                             : *c == 'B' ? "B" : "Y";
+        in->names[in->n++] = *c == 'R'   ? "R"
+                             : *c == 'G' ? "G"
+                             : *c == 'B' ? "B"
+                                         : "Y";
     if (is_light(list, "A"))
         in->names[in->n++] = "A";
     return true;
@@ -118,8 +123,8 @@ static bool want_colour(exr_input *in, const exr_attr_chlist_t *list)
 /* If the file has only one channel, it is the depth under any name. */
 static bool want_depth(exr_input *in, const exr_attr_chlist_t *list)
 {
-    const char *const name = list->num_channels == 1
-        ? list->entries[0].name.str : "Z";
+    const char *const name = list->num_channels == 1 ? list->entries[0].name.str
+                                                     : "Z";
     const exr_attr_chlist_entry_t *const e = channel_of(list, name);
     if (!e || e->x_sampling != 1 || e->y_sampling != 1)
         return false;
@@ -146,11 +151,10 @@ static void list_channels(const exr_input *in, int n_parts, char *text,
             const exr_attr_chlist_entry_t *const e = &list->entries[c];
             const bool whole = e->pixel_type == EXR_PIXEL_UINT;
             const bool small = e->x_sampling != 1 || e->y_sampling != 1;
-            used += (size_t)snprintf(text + used, size - used, "%s%.40s%s%s%s",
-                                     used ? ", " : "", e->name.str,
-                                     deep ? " (deep)" : "",
-                                     whole ? " (whole numbers)" : "",
-                                     small ? " (subsampled)" : "");
+            used += (size_t)snprintf(
+                text + used, size - used, "%s%.40s%s%s%s", used ? ", " : "",
+                e->name.str, deep ? " (deep)" : "",
+                whole ? " (whole numbers)" : "", small ? " (subsampled)" : "");
         }
     }
 }
@@ -184,9 +188,12 @@ static bool choose_part(exr_input *in, bool depth)
         return true;
     char held[300];
     list_channels(in, n_parts, held, sizeof held);
-    return saga_fail(in->error, in->path, "write one picture with R, G, B, or "
-                     "depth with Z, as flat pixels of full size", "EXR has %s "
-                     "with %s, but %s", n_found ? "several parts" : "no part",
+    return saga_fail(in->error, in->path,
+                     "write one picture with R, G, B, or "
+                     "depth with Z, as flat pixels of full size",
+                     "EXR has %s "
+                     "with %s, but %s",
+                     n_found ? "several parts" : "no part",
                      depth ? "a channel Z" : "channels R, G and B", held);
 }
 
@@ -207,10 +214,10 @@ static bool measure(exr_input *in)
     if (r == EXR_ERR_SUCCESS)
         r = exr_get_display_window(in->context, in->part, &in->display);
     if (r == EXR_ERR_SUCCESS)
-        r = in->tiled ? exr_get_tile_descriptor(in->context, in->part, &w, &h,
-                                                NULL, NULL)
-                      : exr_get_scanlines_per_chunk(in->context, in->part,
-                                                    &rows);
+        r = in->tiled
+                ? exr_get_tile_descriptor(in->context, in->part, &w, &h, NULL,
+                                          NULL)
+                : exr_get_scanlines_per_chunk(in->context, in->part, &rows);
     if (r != EXR_ERR_SUCCESS || errno == ENOMEM)
         return exr_failed(in, r);
     /* The display window is the picture; the data window is what is stored. */
@@ -251,10 +258,10 @@ static bool exr_open(exr_input *in, bool depth)
 
 /* Says what is taken otherwise than the file asks: square pixels, and primaries
  * of sRGB, which are those of Rec. 709. */
-static void tell_ignored(const exr_input *in, saga_picture_look *look)
+static void note_ignored(const exr_input *in, saga_picture_look *look)
 {
-    static const float usual[8] = {0.64f, 0.33f, 0.30f, 0.60f,
-                                   0.15f, 0.06f, 0.3127f, 0.3290f};
+    static const float usual[8] = { 0.64f, 0.33f, 0.30f,   0.60f,
+                                    0.15f, 0.06f, 0.3127f, 0.3290f };
     float aspect = 1.0f, c[8];
     exr_attr_chromaticities_t given;
     (void)exr_get_pixel_aspect_ratio(in->context, in->part, &aspect);
@@ -262,8 +269,8 @@ static void tell_ignored(const exr_input *in, saga_picture_look *look)
         (void)snprintf(look->ignored, sizeof look->ignored,
                        "a pixelAspectRatio of %g", (double)aspect);
     } else if (exr_attr_get_chromaticities(in->context, in->part,
-                                           "chromaticities", &given) ==
-               EXR_ERR_SUCCESS) {
+                                           "chromaticities",
+                                           &given) == EXR_ERR_SUCCESS) {
         memcpy(c, &given, sizeof c);
         for (int i = 0; i < 8; i++)
             if (!(fabsf(c[i] - usual[i]) < 0.01f))
@@ -276,12 +283,12 @@ static void tell_ignored(const exr_input *in, saga_picture_look *look)
 static bool exr_probe(const char *path, saga_picture_look *look,
                       saga_error *error)
 {
-    exr_input in = {.path = path, .error = error};
+    exr_input in = { .path = path, .error = error };
     if (!exr_open(&in, false))
         return false;
     look->width = in.width;
     look->height = in.height;
-    tell_ignored(&in, look);
+    note_ignored(&in, look);
     exr_finish(&in.context);
     return true;
 }
@@ -306,8 +313,9 @@ static void put_pixel(const exr_input *in, const float *v,
     const bool straight = form == SAGA_PICTURE_RGBA && a > 0.0;
     for (int c = 0; c < 3; c++) {
         const double light = (double)v[grey ? 0 : c];
-        to[c] = a > 0.0 ? saga_linear_to_srgb8(straight ? light / opacity
-                                                        : light) : 0;
+        to[c] = a > 0.0
+                    ? saga_linear_to_srgb8(straight ? light / opacity : light)
+                    : 0;
     }
     if (form == SAGA_PICTURE_RGBA)
         to[3] = (uint8_t)(opacity * 255.0 + 0.5);
@@ -327,10 +335,10 @@ static void put_chunk(const exr_input *in, const float *planes, int left,
              x++) {
             const size_t at = (size_t)(top + y) * (size_t)in->width +
                               (size_t)(left + x);
-            float v[4] = {0};
+            float v[4] = { 0 };
             for (int p = 0; p < in->n; p++)
-                v[p] = planes[(size_t)p * plane +
-                              (size_t)y * (size_t)width + (size_t)x];
+                v[p] = planes[(size_t)p * plane + (size_t)y * (size_t)width +
+                              (size_t)x];
             if (to->depth)
                 to->depth[at] = v[0];
             else
@@ -354,8 +362,9 @@ typedef struct exr_room {
 
 /* Aims the wanted channels at the planes; the others are not unpacked. Returns
  * one of them, NULL if the chunk is too large. */
-static const exr_coding_channel_info_t *aim_channels(
-    const exr_input *in, exr_decode_pipeline_t *decode, const exr_room *room)
+static const exr_coding_channel_info_t *
+aim_channels(const exr_input *in, exr_decode_pipeline_t *decode,
+             const exr_room *room)
 {
     const exr_coding_channel_info_t *any = NULL;
     for (int c = 0; c < decode->channel_count; c++) {
@@ -381,28 +390,28 @@ static const exr_coding_channel_info_t *aim_channels(
 /* Decodes the chunk whose corner is at (left, top) of the data window, and
  * writes what is to be seen of it. */
 static exr_result_t take_chunk(const exr_input *in,
-                               exr_decode_pipeline_t *decode, int left,
-                               int top, const exr_room *room,
-                               const exr_target *to)
+                               exr_decode_pipeline_t *decode, int left, int top,
+                               const exr_room *room, const exr_target *to)
 {
     exr_chunk_info_t chunk;
     const bool first = left == 0 && top == 0;
     exr_result_t r = in->tiled
-        ? exr_read_tile_chunk_info(in->context, in->part,
-                                   left / in->chunk_width,
-                                   top / in->chunk_height, 0, 0, &chunk)
-        : exr_read_scanline_chunk_info(in->context, in->part,
-                                       in->data.min.y + top, &chunk);
+                         ? exr_read_tile_chunk_info(
+                               in->context, in->part, left / in->chunk_width,
+                               top / in->chunk_height, 0, 0, &chunk)
+                         : exr_read_scanline_chunk_info(in->context, in->part,
+                                                        in->data.min.y + top,
+                                                        &chunk);
     if (r == EXR_ERR_SUCCESS)
-        r = first ? exr_decoding_initialize(in->context, in->part, &chunk,
-                                            decode)
-                  : exr_decoding_update(in->context, in->part, &chunk, decode);
+        r = first
+                ? exr_decoding_initialize(in->context, in->part, &chunk, decode)
+                : exr_decoding_update(in->context, in->part, &chunk, decode);
     if (r != EXR_ERR_SUCCESS)
         return r;
     /* The decoder chooses its routines after the channels have their targets,
      * whose types matter; the routines serve all chunks. */
-    const exr_coding_channel_info_t *const size =
-        aim_channels(in, decode, room);
+    const exr_coding_channel_info_t *const size = aim_channels(in, decode,
+                                                               room);
     if (!size)
         return EXR_ERR_BAD_CHUNK_LEADER;
     if (first)
@@ -442,7 +451,7 @@ static bool read_target(exr_input *in, int width, int height,
     const int h = span(in->data.min.y, in->data.max.y);
     const size_t n = (size_t)(w < in->chunk_width ? w : in->chunk_width) *
                      (size_t)(h < in->chunk_height ? h : in->chunk_height);
-    exr_room room = {NULL, n};
+    exr_room room = { NULL, n };
     if (ok)
         room.planes = saga_alloc(n * (size_t)in->n, sizeof *room.planes,
                                  in->path, in->error);
@@ -459,19 +468,20 @@ static bool read_target(exr_input *in, int width, int height,
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
                          saga_error *error)
 {
-    exr_input in = {.path = path, .error = error};
+    exr_input in = { .path = path, .error = error };
     memset(depth, 0, (size_t)width * (size_t)height * sizeof *depth);
-    return read_target(&in, width, height, &(exr_target){.depth = depth});
+    return read_target(&in, width, height, &(exr_target){ .depth = depth });
 }
 
 static bool exr_read(const char *path, const saga_picture_wish *wish,
                      uint8_t *pixels, saga_error *error)
 {
-    exr_input in = {.path = path, .error = error};
-    const exr_target to = {.form = wish->form, .bytes = pixels};
-    memset(pixels, 0, (size_t)wish->width * (size_t)wish->height *
-                          saga_picture_pixel(wish->form));
+    exr_input in = { .path = path, .error = error };
+    const exr_target to = { .form = wish->form, .bytes = pixels };
+    memset(pixels, 0,
+           (size_t)wish->width * (size_t)wish->height *
+               saga_picture_pixel(wish->form));
     return read_target(&in, wish->width, wish->height, &to);
 }
 
-const saga_picture_kind saga_exr_kind = {12, exr_probe, exr_read};
+const saga_picture_kind saga_exr_kind = { 12, exr_probe, exr_read };

@@ -63,16 +63,16 @@ static exr_result_t choose_routines(exr_context_t context,
                                     exr_encode_pipeline_t *encode,
                                     exr_compress_fn **compress)
 {
-    const exr_result_t r =
-        exr_encoding_choose_default_routines(context, 0, encode);
+    const exr_result_t r = exr_encoding_choose_default_routines(context, 0,
+                                                                encode);
     *compress = encode->compress_fn;
     encode->encoding_user_data = compress;
     encode->compress_fn = compress_or_store;
     return r;
 }
 
-static exr_result_t encode_chunks(exr_context_t context, int width,
-                                  int height, const exr_planes *planes)
+static exr_result_t encode_chunks(exr_context_t context, int width, int height,
+                                  const exr_planes *planes)
 {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
     exr_compress_fn *compress = NULL;
@@ -93,8 +93,8 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
          * order of names. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *const ch = &encode.channels[c];
-                const float *const from =
-                planes->data[c] + (size_t)y * (size_t)width;
+            const float *const from = planes->data[c] +
+                                      (size_t)y * (size_t)width;
             ch->encode_from_ptr = (const uint8_t *)from;
             ch->user_bytes_per_element = 4;
             ch->user_data_type = EXR_PIXEL_FLOAT;
@@ -119,8 +119,8 @@ static bool write_planes(const char *path, int width, int height,
     setup.error_handler_fn = exr_quiet;
     setup.zip_level = 4;
     errno = 0;
-    exr_result_t r = exr_start_write(&context, path,
-                                     EXR_INTERMEDIATE_TEMP_FILE, &setup);
+    exr_result_t r = exr_start_write(&context, path, EXR_INTERMEDIATE_TEMP_FILE,
+                                     &setup);
     if (r == EXR_ERR_SUCCESS) {
         r = write_header(context, width, height, planes, type);
         if (r == EXR_ERR_SUCCESS)
@@ -146,9 +146,11 @@ static bool write_plane(const char *path, int width, int height,
     if (!data)
         return false;
     memcpy(data, plane, (size_t)width * (size_t)height * 4);
-    const exr_planes planes = {.names = {channel}, .data = {data}, .n = 1};
-    const bool ok =
-        write_planes(path, width, height, &planes, EXR_PIXEL_FLOAT, error);
+    const exr_planes planes = { .names = { channel },
+                                .data = { data },
+                                .n = 1 };
+    const bool ok = write_planes(path, width, height, &planes, EXR_PIXEL_FLOAT,
+                                 error);
     free(data);
     return ok;
 }
@@ -165,8 +167,8 @@ bool saga_exr_write_alpha(const char *path, int width, int height,
     return write_plane(path, width, height, alpha, "A", error);
 }
 
-bool saga_exr_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error)
+bool saga_exr_write(const char *path, int width, int height, const uint8_t *rgb,
+                    saga_error *error)
 {
     const size_t n = (size_t)width * (size_t)height;
     float *const data = saga_alloc(n * 3, sizeof *data, path, error);
@@ -179,10 +181,11 @@ bool saga_exr_write(const char *path, int width, int height,
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
             data[c * n + i] = linear[rgb[3 * i + 2 - c]];
-    const exr_planes planes = {.names = {"B", "G", "R"}, .n = 3,
-                               .data = {data, data + n, data + 2 * n}};
-    const bool ok =
-        write_planes(path, width, height, &planes, EXR_PIXEL_HALF, error);
+    const exr_planes planes = { .names = { "B", "G", "R" },
+                                .n = 3,
+                                .data = { data, data + n, data + 2 * n } };
+    const bool ok = write_planes(path, width, height, &planes, EXR_PIXEL_HALF,
+                                 error);
     free(data);
     return ok;
 }

@@ -29,7 +29,7 @@ static double fixed(const icc *p, size_t at)
 
 static uint32_t four(const char *name)
 {
-    const icc p = {(const uint8_t *)name, 4};
+    const icc p = { (const uint8_t *)name, 4 };
     return number(&p, 0, 4);
 }
 
@@ -53,10 +53,10 @@ static double half_of(const icc *p, const char *name)
     const size_t at = find_tag(p, name);
     const uint32_t type = number(p, at, 4), n = number(p, at + 8, 4);
     if (at && type == four("curv"))
-        return n == 0   ? 0.5
-               : n == 1 ? pow(0.5, number(p, at + 12, 2) / 256.0)
-                        : number(p, at + 12 + (n - 1) / 2 * (size_t)2, 2) /
-                              65535.0;
+        return n == 0 ? 0.5
+               : n == 1
+                   ? pow(0.5, number(p, at + 12, 2) / 256.0)
+                   : number(p, at + 12 + (n - 1) / 2 * (size_t)2, 2) / 65535.0;
     if (!at || type != four("para"))
         return -1.0;
     /* (a x + b) ^ g, and what two of the five functions add. */
@@ -64,8 +64,9 @@ static double half_of(const icc *p, const char *name)
     const double g = fixed(p, at + 12);
     const double a = kind ? fixed(p, at + 16) : 1.0;
     const double b = kind ? fixed(p, at + 20) : 0.0;
-    const double more = kind == 2 ? fixed(p, at + 24)
-                        : kind == 4 ? fixed(p, at + 32) : 0.0;
+    const double more = kind == 2   ? fixed(p, at + 24)
+                        : kind == 4 ? fixed(p, at + 32)
+                                    : 0.0;
     return pow(a / 2.0 + b, g) + more;
 }
 
@@ -82,9 +83,9 @@ static bool is_srgb(const icc *p)
         const char *colour, *curve;
         double xyz[3];
     } rgb[] = {
-        {"rXYZ", "rTRC", {0.4361, 0.2225, 0.0139}},
-        {"gXYZ", "gTRC", {0.3851, 0.7169, 0.0971}},
-        {"bXYZ", "bTRC", {0.1431, 0.0606, 0.7141}},
+        { "rXYZ", "rTRC", { 0.4361, 0.2225, 0.0139 } },
+        { "gXYZ", "gTRC", { 0.3851, 0.7169, 0.0971 } },
+        { "bXYZ", "bTRC", { 0.1431, 0.0606, 0.7141 } },
     };
     const uint32_t space = number(p, 16, 4);
     if (space == four("GRAY"))
@@ -94,8 +95,7 @@ static bool is_srgb(const icc *p)
     for (size_t i = 0; i < 3; i++) {
         const size_t at = find_tag(p, rgb[i].colour);
         for (size_t k = 0; k < 3; k++)
-            if (!at ||
-                !(fabs(fixed(p, at + 8 + 4 * k) - rgb[i].xyz[k]) < 0.01))
+            if (!at || !(fabs(fixed(p, at + 8 + 4 * k) - rgb[i].xyz[k]) < 0.01))
                 return false;
         if (!has_curve(p, rgb[i].curve))
             return false;
@@ -131,11 +131,13 @@ static void describe(const icc *p, char *to, size_t n)
 void saga_picture_tell_profile(const uint8_t *data, size_t n,
                                saga_picture_look *look)
 {
-    const icc profile = {data, n};
+    const icc profile = { data, n };
     char name[48];
     if (look->ignored[0] || is_srgb(&profile))
         return;
     describe(&profile, name, sizeof name);
-    (void)snprintf(look->ignored, sizeof look->ignored, "the ICC profile "
-                   "\"%s\"", name);
+    (void)snprintf(look->ignored, sizeof look->ignored,
+                   "the ICC profile "
+                   "\"%s\"",
+                   name);
 }

@@ -25,7 +25,8 @@ static bool jpeg_failed(const jpeg_job *job)
         return saga_no_memory(0, job->path, job->error);
     return saga_fail(job->error, job->path, "copy or export the picture again",
                      "is damaged, or a JPEG of a kind that cannot be read "
-                     "(%s)", why);
+                     "(%s)",
+                     why);
 }
 
 static bool jpeg_begin(jpeg_job *job, int *width, int *height)
@@ -59,7 +60,7 @@ static void jpeg_tell(const saga_bytes *bytes, saga_picture_look *look)
 {
     enum { START_OF_SCAN = 0xda, APP1 = 0xe1, APP2 = 0xe2 };
     static const char icc[] = "ICC_PROFILE\0\1";
-    saga_cursor c = {bytes->data + 2, bytes->data + bytes->nbytes, false};
+    saga_cursor c = { bytes->data + 2, bytes->data + bytes->nbytes, false };
     /* Before the first scan there are segments of FF, a type, and a length that
      * counts itself. More FF may fill up. */
     for (;;) {
@@ -89,7 +90,7 @@ static void jpeg_tell(const saga_bytes *bytes, saga_picture_look *look)
 static bool jpeg_probe(const char *path, saga_picture_look *look,
                        saga_error *error)
 {
-    jpeg_job job = {.path = path, .error = error};
+    jpeg_job job = { .path = path, .error = error };
     const bool ok = jpeg_begin(&job, &look->width, &look->height);
     if (ok)
         jpeg_tell(&job.bytes, look);
@@ -100,7 +101,7 @@ static bool jpeg_probe(const char *path, saga_picture_look *look,
 static bool jpeg_read(const char *path, const saga_picture_wish *wish,
                       uint8_t *pixels, saga_error *error)
 {
-    jpeg_job job = {.path = path, .error = error};
+    jpeg_job job = { .path = path, .error = error };
     const int format = wish->form == SAGA_PICTURE_RGBA ? TJPF_RGBA : TJPF_RGB;
     int w, h;
     bool ok = jpeg_begin(&job, &w, &h) &&
@@ -116,7 +117,7 @@ static bool jpeg_read(const char *path, const saga_picture_wish *wish,
     return ok;
 }
 
-const saga_picture_kind saga_jpeg_kind = {0, jpeg_probe, jpeg_read};
+const saga_picture_kind saga_jpeg_kind = { 0, jpeg_probe, jpeg_read };
 
 bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error)
@@ -131,7 +132,8 @@ bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
         saga_no_memory(0, "a picture", error);
     if (ok && tjCompress2(encoder, rgb, width, 0, height, TJPF_RGB, bytes, &n,
                           TJSAMP_420, 85, TJFLAG_NOREALLOC) != 0)
-        ok = saga_fail(error, "a picture", NULL, "cannot be written as JPEG "
+        ok = saga_fail(error, "a picture", NULL,
+                       "cannot be written as JPEG "
                        "(%s)",
                        tjGetErrorStr2(encoder));
     *nbytes = n;

@@ -8,9 +8,8 @@
 #include "picture.h"
 
 typedef struct saga_picture_kind {
-    int scratch;             /* as of saga_picture_scratch */
-    bool (*probe)(const char *path, saga_picture_look *look,
-                  saga_error *error);
+    int scratch; /* as of saga_picture_scratch */
+    bool (*probe)(const char *path, saga_picture_look *look, saga_error *error);
     /* Reads a picture as it is stored. RGBA may have colour under alpha 0. */
     bool (*read)(const char *path, const saga_picture_wish *wish,
                  uint8_t *pixels, saga_error *error);

@@ -51,7 +51,7 @@ typedef struct png_colours {
 } png_colours;
 
 /* Says what differs from sRGB, in whose terms the samples are used. */
-static void tell_colours(const png_colours *colours, saga_picture_look *look)
+static void note_colours(const png_colours *colours, saga_picture_look *look)
 {
     enum { BT709 = 1, BT601 = 6, SRGB = 13, BT2020 = 14, BT2020_12 = 15 };
     const int transfer = colours->code[1];
@@ -60,7 +60,8 @@ static void tell_colours(const png_colours *colours, saga_picture_look *look)
                         transfer == SRGB || transfer == BT2020 ||
                         transfer == BT2020_12);
     if (colours->has_code && !usual)
-        (void)snprintf(look->ignored, sizeof look->ignored, "colour primaries "
+        (void)snprintf(look->ignored, sizeof look->ignored,
+                       "colour primaries "
                        "%d and transfer function %d (cICP; 16 is PQ, 18 HLG)",
                        colours->code[0], transfer);
     else if (!colours->has_code && !colours->has_space && colours->gamma &&
@@ -74,7 +75,7 @@ static void tell_colours(const png_colours *colours, saga_picture_look *look)
 static bool scan_chunk(FILE *file, const char *type, uint32_t n,
                        png_colours *colours, saga_picture_look *look)
 {
-    uint8_t data[4096] = {0};
+    uint8_t data[4096] = { 0 };
     if (memcmp(type, "gAMA", 4) == 0) {
         (void)!fread(data, 4, 1, file);
         colours->gamma = png_get_uint_32(data);
@@ -97,7 +98,7 @@ static bool scan_chunk(FILE *file, const char *type, uint32_t n,
 static bool scan_file(FILE *file, const char *path, bool to_end,
                       saga_picture_look *look, saga_error *error)
 {
-    png_colours colours = {0};
+    png_colours colours = { 0 };
     uint8_t head[16];
     bool ok = fread(head, 8, 1, file) == 1, more = ok;
     /* A chunk is a length, a type, data and a CRC. */
@@ -118,7 +119,7 @@ static bool scan_file(FILE *file, const char *path, bool to_end,
                fseek(file, at + (long)n + 4, SEEK_SET) == 0;
     }
     rewind(file);
-    tell_colours(&colours, look);
+    note_colours(&colours, look);
     return ok;
 }
 
@@ -126,12 +127,14 @@ static bool scan_file(FILE *file, const char *path, bool to_end,
 static bool read_job_begin(png_job *job, const char *path,
                            saga_picture_look *look, saga_error *error)
 {
-    saga_picture_look unused = {0};
-    *job = (png_job){0};
+    saga_picture_look unused = { 0 };
+    *job = (png_job){ 0 };
     job->file = saga_open_file(path);
     if (!job->file)
-        return saga_fail_errno(error, path, "check the path in the capture's "
-                               "files", "picture cannot be opened");
+        return saga_fail_errno(error, path,
+                               "check the path in the capture's "
+                               "files",
+                               "picture cannot be opened");
     /* read_failed reads errno to find out why libpng failed. */
     errno = 0;
     if (!scan_file(job->file, path, look != NULL, look ? look : &unused,
@@ -180,7 +183,7 @@ static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
-    const png_color_16 black = {0};
+    const png_color_16 black = { 0 };
     /* Palettes and fewer bits become 8 bits, 16 bits are rounded to 8, and grey
      * becomes colour. Alpha is kept, or blended over black without a gamma. */
     png_set_expand(job->png);
@@ -216,8 +219,8 @@ static bool read_failed(const png_job *job, const char *path, const char *what,
 {
     if (errno == ENOMEM)
         return saga_no_memory(0, path, error);
-    return saga_fail(error, path, "copy or export the picture again",
-                     "%s (%s)", what, job->message);
+    return saga_fail(error, path, "copy or export the picture again", "%s (%s)",
+                     what, job->message);
 }
 
 static bool png_probe(const char *path, saga_picture_look *look,
@@ -260,7 +263,7 @@ static bool png_read(const char *path, const saga_picture_wish *wish,
     return ok;
 }
 
-const saga_picture_kind saga_png_kind = {0, png_probe, png_read};
+const saga_picture_kind saga_png_kind = { 0, png_probe, png_read };
 
 /* Rows in PNG's form: RGB in 8 bits, or grey in 16 bits with the high byte
  * first. */
@@ -291,13 +294,12 @@ static bool write_rows(png_job *job, const png_rows *rows)
     return true;
 }
 
-static bool write_png(const char *path, const png_rows *rows,
-                      saga_error *error)
+static bool write_png(const char *path, const png_rows *rows, saga_error *error)
 {
     saga_output out;
     if (!saga_output_open(&out, path, error))
         return false;
-    png_job job = {.file = out.file};
+    png_job job = { .file = out.file };
     job.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &job, png_failed,
                                       png_warned);
     job.info = job.png ? png_create_info_struct(job.png) : NULL;
@@ -306,10 +308,10 @@ static bool write_png(const char *path, const png_rows *rows,
     return saga_output_close(&out, ok, error);
 }
 
-bool saga_png_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error)
+bool saga_png_write(const char *path, int width, int height, const uint8_t *rgb,
+                    saga_error *error)
 {
-    return write_png(path, &(png_rows){rgb, width, height, false}, error);
+    return write_png(path, &(png_rows){ rgb, width, height, false }, error);
 }
 
 bool saga_png_write_grey(const char *path, int width, int height,
@@ -323,8 +325,8 @@ bool saga_png_write_grey(const char *path, int width, int height,
         bytes[2 * i] = (uint8_t)(grey[i] >> 8);
         bytes[2 * i + 1] = (uint8_t)grey[i];
     }
-    const bool ok =
-        write_png(path, &(png_rows){bytes, width, height, true}, error);
+    const bool ok = write_png(path, &(png_rows){ bytes, width, height, true },
+                              error);
     free(bytes);
     return ok;
 }

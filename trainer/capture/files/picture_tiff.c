@@ -21,14 +21,14 @@ enum { MAX_SAMPLES = 4 };
 typedef struct tiff_job {
     TIFF *tiff;
     saga_bytes bytes;
-    uint64_t at;             /* where libtiff reads next */
+    uint64_t at; /* where libtiff reads next */
     const char *path;
     saga_error *error;
-    bool damaged;            /* libtiff has reported damage: */
-    char message[1024];      /* the length that libtiff asks for */
+    bool damaged;       /* libtiff has reported damage: */
+    char message[1024]; /* the length that libtiff asks for */
     uint32_t width, height;
     uint16_t n_samples, bits, model, compression;
-    uint16_t alpha;          /* EXTRASAMPLE_..; 0: none */
+    uint16_t alpha; /* EXTRASAMPLE_..; 0: none */
 } tiff_job;
 
 /* ----------------------------------------------------------------- libtiff */
@@ -37,7 +37,8 @@ static tmsize_t read_bytes(thandle_t user, void *to, tmsize_t n)
 {
     tiff_job *const job = user;
     const uint64_t left = job->at < job->bytes.nbytes
-                              ? job->bytes.nbytes - job->at : 0;
+                              ? job->bytes.nbytes - job->at
+                              : 0;
     const size_t some = (size_t)n < left ? (size_t)n : (size_t)left;
     memcpy(to, job->bytes.data + (some ? job->at : 0), some);
     job->at += some;
@@ -100,11 +101,11 @@ static void took_error(thandle_t user, const char *module, const char *format,
 }
 
 /* The decoders of JPEG and of fax only warn of damage, and go on. */
-static void took_warning(thandle_t user, const char *module,
-                         const char *format, va_list args)
+static void took_warning(thandle_t user, const char *module, const char *format,
+                         va_list args)
 {
-    if (module && (strncmp(module, "JPEGLib", 7) == 0 ||
-                   strncmp(module, "Fax", 3) == 0))
+    if (module &&
+        (strncmp(module, "JPEGLib", 7) == 0 || strncmp(module, "Fax", 3) == 0))
         took_error(user, module, format, args);
 }
 
@@ -129,23 +130,30 @@ static bool tiff_failed(const tiff_job *job)
 
 static bool unreadable(const tiff_job *job, const char *what)
 {
-    return saga_fail(job->error, job->path, "export it as TIFF, grey or RGB, "
-                     "with 8 or 16 bits and one picture in the file", "is a "
-                     "TIFF %s", what);
+    return saga_fail(job->error, job->path,
+                     "export it as TIFF, grey or RGB, "
+                     "with 8 or 16 bits and one picture in the file",
+                     "is a "
+                     "TIFF %s",
+                     what);
 }
 
 /* Refuses colour models in which a picture of a camera has no certain RGB. */
 static bool check_model(const tiff_job *job)
 {
-    static const struct { int model; const char *what; } refused[] = {
-        {PHOTOMETRIC_MASK, "with a transparency mask alone"},
-        {PHOTOMETRIC_SEPARATED, "in CMYK, which is made for printing"},
-        {PHOTOMETRIC_CIELAB, "in CIE L*a*b*"},
-        {PHOTOMETRIC_ICCLAB, "in ICC L*a*b*"},
-        {PHOTOMETRIC_ITULAB, "in ITU L*a*b*"},
-        {PHOTOMETRIC_CFA, "of raw samples of a sensor"},
-        {34892, "of raw samples of a sensor (linear raw)"},
-        {PHOTOMETRIC_LOGL, "in LogL"}, {PHOTOMETRIC_LOGLUV, "in LogLuv"},
+    static const struct {
+        int model;
+        const char *what;
+    } refused[] = {
+        { PHOTOMETRIC_MASK, "with a transparency mask alone" },
+        { PHOTOMETRIC_SEPARATED, "in CMYK, which is made for printing" },
+        { PHOTOMETRIC_CIELAB, "in CIE L*a*b*" },
+        { PHOTOMETRIC_ICCLAB, "in ICC L*a*b*" },
+        { PHOTOMETRIC_ITULAB, "in ITU L*a*b*" },
+        { PHOTOMETRIC_CFA, "of raw samples of a sensor" },
+        { 34892, "of raw samples of a sensor (linear raw)" },
+        { PHOTOMETRIC_LOGL, "in LogL" },
+        { PHOTOMETRIC_LOGLUV, "in LogLuv" },
     };
     char what[60];
     for (size_t i = 0; i < sizeof refused / sizeof refused[0]; i++)
@@ -163,9 +171,10 @@ static bool check_compression(const tiff_job *job)
     char what[100];
     if (TIFFIsCODECConfigured(job->compression))
         return true;
-    (void)snprintf(what, sizeof what, "compressed by %.40s (%d), which this "
-                   "libtiff cannot read", codec ? codec->name : "a method",
-                   job->compression);
+    (void)snprintf(what, sizeof what,
+                   "compressed by %.40s (%d), which this "
+                   "libtiff cannot read",
+                   codec ? codec->name : "a method", job->compression);
     return unreadable(job, what);
 }
 
@@ -183,31 +192,40 @@ static bool check_samples(tiff_job *job)
     (void)TIFFGetFieldDefaulted(job->tiff, TIFFTAG_EXTRASAMPLES, &n_extra,
                                 &extra);
     if (format != SAMPLEFORMAT_UINT && format != SAMPLEFORMAT_VOID)
-        return unreadable(job, format == SAMPLEFORMAT_IEEEFP
-                          ? "of floats, which may be linear light or not (EXR "
-                            "is linear)" : "of signed or complex numbers");
+        return unreadable(
+            job, format == SAMPLEFORMAT_IEEEFP
+                     ? "of floats, which may be linear light or not (EXR "
+                       "is linear)"
+                     : "of signed or complex numbers");
     (void)snprintf(what, sizeof what, "with %d bits a sample", job->bits);
     if (job->bits != 8 && (job->bits != 16 || !is_plain(job)) &&
         job->bits != 4 && job->bits != 2 && job->bits != 1)
         return unreadable(job, what);
     const int n_colours = job->model <= PHOTOMETRIC_MINISBLACK ||
-                          job->model == PHOTOMETRIC_PALETTE ? 1 : 3;
+                                  job->model == PHOTOMETRIC_PALETTE
+                              ? 1
+                              : 3;
     job->alpha = n_extra == 1 ? extra[0] : 0;
     /* A sample that is not said to be opacity may be a selection or infrared;
      * or opacity, whose colours below must not be trained. */
-    (void)snprintf(what, sizeof what, "with %d samples a pixel, of which %d "
-                   "are colour and %d opacity", job->n_samples, n_colours,
-                   job->alpha ? 1 : 0);
+    (void)snprintf(what, sizeof what,
+                   "with %d samples a pixel, of which %d "
+                   "are colour and %d opacity",
+                   job->n_samples, n_colours, job->alpha ? 1 : 0);
     return (job->n_samples == n_colours + (job->alpha ? 1 : 0) &&
-            (!job->alpha || is_plain(job))) || unreadable(job, what);
+            (!job->alpha || is_plain(job))) ||
+           unreadable(job, what);
 }
 
 /* Refuses raw files of cameras, which begin with a thumbnail, and files of
  * several pages. Pictures of reduced size may follow the first. */
 static bool check_pages(const tiff_job *job)
 {
-    enum { DNG_VERSION = 50706, MOST = 64,
-           OTHER = FILETYPE_REDUCEDIMAGE | FILETYPE_MASK };
+    enum {
+        DNG_VERSION = 50706,
+        MOST = 64,
+        OTHER = FILETYPE_REDUCEDIMAGE | FILETYPE_MASK
+    };
     uint32_t type = 0, n = 0;
     const uint8_t *version = NULL;
     (void)TIFFGetField(job->tiff, TIFFTAG_SUBFILETYPE, &type);
@@ -273,7 +291,7 @@ static void tiff_close(tiff_job *job)
 static bool tiff_probe(const char *path, saga_picture_look *look,
                        saga_error *error)
 {
-    tiff_job job = {.path = path, .error = error};
+    tiff_job job = { .path = path, .error = error };
     const bool ok = tiff_open(&job, look);
     tiff_close(&job);
     return ok;
@@ -285,7 +303,7 @@ static bool tiff_probe(const char *path, saga_picture_look *look,
  * their own, follow each other in `data`. */
 typedef struct tiff_block {
     uint32_t width, height;
-    uint32_t n_planes, each;  /* samples of a pixel in one plane */
+    uint32_t n_planes, each; /* samples of a pixel in one plane */
     size_t plane_nbytes;
     uint8_t *data;
 } tiff_block;
@@ -338,11 +356,11 @@ static void put_block(const tiff_job *job, const tiff_block *b, uint32_t left,
         }
         /* Samples lie together in a pixel, or each in a plane of its own. */
         for (uint32_t x = 0; x < w; x++, to += each, at += b->each) {
-            uint32_t s[MAX_SAMPLES] = {0};
+            uint32_t s[MAX_SAMPLES] = { 0 };
             for (uint32_t i = 0; i < job->n_samples; i++) {
                 const bool own = b->n_planes > 1;
-                const uint8_t *const from =
-                    b->data + (own ? i * b->plane_nbytes : 0);
+                const uint8_t *const from = b->data +
+                                            (own ? i * b->plane_nbytes : 0);
                 const size_t k = at + (own ? 0 : i);
                 uint16_t wide = 0;
                 if (job->bits == 16)
@@ -360,15 +378,20 @@ static bool read_block(tiff_job *job, const tiff_block *b, uint32_t left,
 {
     const bool tiled = TIFFIsTiled(job->tiff) != 0;
     const uint32_t rows = tiled || job->height - top > b->height
-                              ? b->height : job->height - top;
+                              ? b->height
+                              : job->height - top;
     const tmsize_t wanted = (tmsize_t)(b->plane_nbytes / b->height * rows);
     for (uint32_t p = 0; p < b->n_planes; p++) {
         uint8_t *const to = b->data + p * b->plane_nbytes;
-        const tmsize_t got = tiled
-            ? TIFFReadEncodedTile(job->tiff, TIFFComputeTile(
-                  job->tiff, left, top, 0, (uint16_t)p), to, wanted)
-            : TIFFReadEncodedStrip(job->tiff, TIFFComputeStrip(
-                  job->tiff, top, (uint16_t)p), to, wanted);
+        const tmsize_t got =
+            tiled
+                ? TIFFReadEncodedTile(
+                      job->tiff,
+                      TIFFComputeTile(job->tiff, left, top, 0, (uint16_t)p), to,
+                      wanted)
+                : TIFFReadEncodedStrip(
+                      job->tiff, TIFFComputeStrip(job->tiff, top, (uint16_t)p),
+                      to, wanted);
         if (got != wanted || job->damaged)
             return tiff_failed(job);
     }
@@ -379,20 +402,19 @@ static bool read_plain(tiff_job *job, const saga_picture_wish *wish,
                        uint8_t *pixels)
 {
     uint16_t planar = PLANARCONFIG_CONTIG;
-    tiff_block b = {.width = job->width, .height = job->height};
+    tiff_block b = { .width = job->width, .height = job->height };
     (void)TIFFGetFieldDefaulted(job->tiff, TIFFTAG_PLANARCONFIG, &planar);
     if (TIFFIsTiled(job->tiff)) {
         (void)TIFFGetField(job->tiff, TIFFTAG_TILEWIDTH, &b.width);
         (void)TIFFGetField(job->tiff, TIFFTAG_TILELENGTH, &b.height);
     } else {
-        (void)TIFFGetFieldDefaulted(job->tiff, TIFFTAG_ROWSPERSTRIP,
-                                    &b.height);
+        (void)TIFFGetFieldDefaulted(job->tiff, TIFFTAG_ROWSPERSTRIP, &b.height);
         b.height = b.height < job->height ? b.height : job->height;
     }
     /* A tile may be larger than the picture, but not by much. */
     if (b.width < 1 || b.height < 1 || b.width > SAGA_MAX_SIDE ||
-        b.height > SAGA_MAX_SIDE ||
-        b.width / 4 > job->width + 256 || b.height / 4 > job->height + 256)
+        b.height > SAGA_MAX_SIDE || b.width / 4 > job->width + 256 ||
+        b.height / 4 > job->height + 256)
         return unreadable(job, "in tiles or strips far larger than itself");
     const bool separate = planar == PLANARCONFIG_SEPARATE;
     b.n_planes = separate ? job->n_samples : 1;
@@ -433,8 +455,8 @@ static bool read_converted(tiff_job *job, const saga_picture_wish *wish,
     }
     for (size_t i = 0; ok && i < n; i++, pixels += each) {
         const uint32_t v = raster[i];
-        const uint8_t rgba[4] = {(uint8_t)TIFFGetR(v), (uint8_t)TIFFGetG(v),
-                                 (uint8_t)TIFFGetB(v), 255};
+        const uint8_t rgba[4] = { (uint8_t)TIFFGetR(v), (uint8_t)TIFFGetG(v),
+                                  (uint8_t)TIFFGetB(v), 255 };
         memcpy(pixels, rgba, each);
     }
     free(raster);
@@ -444,8 +466,8 @@ static bool read_converted(tiff_job *job, const saga_picture_wish *wish,
 static bool tiff_read(const char *path, const saga_picture_wish *wish,
                       uint8_t *pixels, saga_error *error)
 {
-    tiff_job job = {.path = path, .error = error};
-    saga_picture_look look = {0};
+    tiff_job job = { .path = path, .error = error };
+    saga_picture_look look = { 0 };
     const bool ok = tiff_open(&job, &look) &&
                     saga_check_same_size(path, look.width, look.height,
                                          wish->width, wish->height, error) &&
@@ -455,4 +477,4 @@ static bool tiff_read(const char *path, const saga_picture_wish *wish,
     return ok;
 }
 
-const saga_picture_kind saga_tiff_kind = {8, tiff_probe, tiff_read};
+const saga_picture_kind saga_tiff_kind = { 8, tiff_probe, tiff_read };

@@ -12,9 +12,14 @@ bool saga_turn_swaps(int orientation)
 const char *saga_turn_name(int orientation)
 {
     static const char *const names[] = {
-        "mirrored", "by 180 degrees", "mirrored upside down",
-        "by 90 degrees anticlockwise and mirrored", "by 90 degrees clockwise",
-        "by 90 degrees clockwise and mirrored", "by 90 degrees anticlockwise"};
+        "mirrored",
+        "by 180 degrees",
+        "mirrored upside down",
+        "by 90 degrees anticlockwise and mirrored",
+        "by 90 degrees clockwise",
+        "by 90 degrees clockwise and mirrored",
+        "by 90 degrees anticlockwise"
+    };
     return orientation >= 2 && orientation <= 8 ? names[orientation - 2]
                                                 : "not at all";
 }
@@ -48,7 +53,10 @@ void saga_turn(int orientation, int width, int height, size_t n,
     for (size_t y = 0; y < to_h; y++)
         for (size_t x = 0; x < to_w; x++, to += n) {
             const size_t sx = swaps ? y : x, sy = swaps ? x : y;
-            memcpy(to, from + ((bottom ? h - 1 - sy : sy) * w +
-                               (right ? w - 1 - sx : sx)) * n, n);
+            memcpy(to,
+                   from + ((bottom ? h - 1 - sy : sy) * w +
+                           (right ? w - 1 - sx : sx)) *
+                              n,
+                   n);
         }
 }

@@ -22,8 +22,8 @@ static bool webp_open(saga_bytes *bytes, WebPBitstreamFeatures *found,
 {
     if (!saga_read_file(bytes, path, error))
         return false;
-    const VP8StatusCode why =
-        WebPGetFeatures(bytes->data, bytes->nbytes, found);
+    const VP8StatusCode why = WebPGetFeatures(bytes->data, bytes->nbytes,
+                                              found);
     if (why != VP8_STATUS_OK)
         return webp_failed(path, why, error);
     if (found->has_animation)
@@ -36,7 +36,7 @@ static bool webp_open(saga_bytes *bytes, WebPBitstreamFeatures *found,
  * with a name and a length each; those of odd lengths are padded. */
 static void webp_tell(const saga_bytes *bytes, saga_picture_look *look)
 {
-    saga_cursor c = {bytes->data, bytes->data + bytes->nbytes, false};
+    saga_cursor c = { bytes->data, bytes->data + bytes->nbytes, false };
     (void)saga_take(&c, 12);
     for (;;) {
         const uint8_t *const name = saga_take(&c, 4);
@@ -55,7 +55,7 @@ static void webp_tell(const saga_bytes *bytes, saga_picture_look *look)
 static bool webp_probe(const char *path, saga_picture_look *look,
                        saga_error *error)
 {
-    saga_bytes bytes = {0};
+    saga_bytes bytes = { 0 };
     WebPBitstreamFeatures found;
     const bool ok = webp_open(&bytes, &found, path, error);
     if (ok) {
@@ -85,20 +85,19 @@ static bool webp_decode(const char *path, const saga_bytes *bytes,
     config.output.u.RGBA.rgba = to;
     config.output.u.RGBA.stride = each * config.input.width;
     config.output.u.RGBA.size = n;
-    const VP8StatusCode why =
-        WebPDecode(bytes->data, bytes->nbytes, &config);
+    const VP8StatusCode why = WebPDecode(bytes->data, bytes->nbytes, &config);
     return why == VP8_STATUS_OK || webp_failed(path, why, error);
 }
 
 static bool webp_read(const char *path, const saga_picture_wish *wish,
                       uint8_t *pixels, saga_error *error)
 {
-    saga_bytes bytes = {0};
-    WebPBitstreamFeatures found = {0};
+    saga_bytes bytes = { 0 };
+    WebPBitstreamFeatures found = { 0 };
     const size_t n = (size_t)wish->width * (size_t)wish->height;
     bool ok = webp_open(&bytes, &found, path, error) &&
-              saga_check_same_size(path, found.width, found.height,
-                                   wish->width, wish->height, error);
+              saga_check_same_size(path, found.width, found.height, wish->width,
+                                   wish->height, error);
     if (ok && found.has_alpha && wish->form != SAGA_PICTURE_RGBA) {
         uint8_t *const rgba = saga_alloc(n, 4, path, error);
         ok = rgba && webp_decode(path, &bytes, MODE_RGBA, rgba, 4 * n, error);
@@ -107,11 +106,11 @@ static bool webp_read(const char *path, const saga_picture_wish *wish,
         free(rgba);
     } else if (ok) {
         const size_t each = saga_picture_pixel(wish->form);
-        ok = webp_decode(path, &bytes, each == 4 ? MODE_RGBA : MODE_RGB,
-                         pixels, each * n, error);
+        ok = webp_decode(path, &bytes, each == 4 ? MODE_RGBA : MODE_RGB, pixels,
+                         each * n, error);
     }
     saga_bytes_free(&bytes);
     return ok;
 }
 
-const saga_picture_kind saga_webp_kind = {8, webp_probe, webp_read};
+const saga_picture_kind saga_webp_kind = { 8, webp_probe, webp_read };

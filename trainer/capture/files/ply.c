@@ -13,25 +13,43 @@
 
 enum { MAX_PROPERTIES = SAGA_PLY_MOST_PROPERTIES, MAX_LINE = 512 };
 
-enum ply_type { PLY_I8, PLY_U8, PLY_I16, PLY_U16, PLY_I32, PLY_U32, PLY_F32,
-                PLY_F64 };
+enum ply_type {
+    PLY_I8,
+    PLY_U8,
+    PLY_I16,
+    PLY_U16,
+    PLY_I32,
+    PLY_U32,
+    PLY_F32,
+    PLY_F64
+};
 
 static const struct {
     const char *name, *alias;
     int nbytes;
 } ply_types[] = {
-    [PLY_I8] = {"char", "int8", 1},      [PLY_U8] = {"uchar", "uint8", 1},
-    [PLY_I16] = {"short", "int16", 2},   [PLY_U16] = {"ushort", "uint16", 2},
-    [PLY_I32] = {"int", "int32", 4},     [PLY_U32] = {"uint", "uint32", 4},
-    [PLY_F32] = {"float", "float32", 4}, [PLY_F64] = {"double", "float64", 8},
+    [PLY_I8] = { "char", "int8", 1 },
+    [PLY_U8] = { "uchar", "uint8", 1 },
+    [PLY_I16] = { "short", "int16", 2 },
+    [PLY_U16] = { "ushort", "uint16", 2 },
+    [PLY_I32] = { "int", "int32", 4 },
+    [PLY_U32] = { "uint", "uint32", 4 },
+    [PLY_F32] = { "float", "float32", 4 },
+    [PLY_F64] = { "double", "float64", 8 },
 };
 
-enum { FIELD_X, FIELD_Y, FIELD_Z, FIELD_RED, FIELD_GREEN, FIELD_BLUE,
-       N_FIELDS };
-
-static const char *const point_fields[N_FIELDS] = {
-    "x", "y", "z", "red", "green", "blue"
+enum {
+    FIELD_X,
+    FIELD_Y,
+    FIELD_Z,
+    FIELD_RED,
+    FIELD_GREEN,
+    FIELD_BLUE,
+    N_FIELDS
 };
+
+static const char *const point_fields[N_FIELDS] = { "x",   "y",     "z",
+                                                    "red", "green", "blue" };
 
 static bool add_property(saga_ply *h, const char *type, const char *name)
 {
@@ -97,7 +115,7 @@ static bool parse_header(saga_ply *h, saga_error *error)
 {
     saga_cursor *const c = &h->cursor;
     char line[MAX_LINE];
-    ply_state s = {0};
+    ply_state s = { 0 };
     /* -1 marks a field that the file does not have. */
     for (int f = 0; f < h->n_fields; f++)
         h->field[f] = -1;
@@ -109,11 +127,13 @@ static bool parse_header(saga_ply *h, saga_error *error)
         if (strcmp(line, "end_header") == 0)
             return header_is_whole(h, &s, error);
         if (!header_line(h, &s, line))
-            return saga_fail(error, h->path, "save it as ascii or "
+            return saga_fail(error, h->path,
+                             "save it as ascii or "
                              "binary_little_endian, with vertices first and "
                              "scalar properties",
                              "header line \"%.80s\" is not "
-                             "supported", line);
+                             "supported",
+                             line);
     }
     return saga_fail(error, h->path, "copy it again",
                      "is cut short in its header");
@@ -123,22 +143,30 @@ static bool parse_header(saga_ply *h, saga_error *error)
 static double load_value(const uint8_t *p, int type)
 {
     switch (type) {
-    case PLY_I8: return (int8_t)p[0];
-    case PLY_U8: return p[0];
-    case PLY_I16: return (int16_t)(uint16_t)saga_load_le(p, 2);
-    case PLY_U16: return (double)saga_load_le(p, 2);
-    case PLY_I32: return (int32_t)(uint32_t)saga_load_le(p, 4);
-    case PLY_U32: return (double)saga_load_le(p, 4);
-    case PLY_F32: return saga_load_f32(p);
-    default: return saga_load_f64(p);
+    case PLY_I8:
+        return (int8_t)p[0];
+    case PLY_U8:
+        return p[0];
+    case PLY_I16:
+        return (int16_t)(uint16_t)saga_load_le(p, 2);
+    case PLY_U16:
+        return (double)saga_load_le(p, 2);
+    case PLY_I32:
+        return (int32_t)(uint32_t)saga_load_le(p, 4);
+    case PLY_U32:
+        return (double)saga_load_le(p, 4);
+    case PLY_F32:
+        return saga_load_f32(p);
+    default:
+        return saga_load_f64(p);
     }
 }
 
 static bool take_binary(saga_cursor *c, const saga_ply *h, double *values)
 {
     for (int i = 0; i < h->n_properties; i++) {
-        const uint8_t *const p =
-            saga_take(c, (size_t)ply_types[h->type[i]].nbytes);
+        const uint8_t *const p = saga_take(
+            c, (size_t)ply_types[h->type[i]].nbytes);
         if (!p)
             return false;
         values[i] = load_value(p, h->type[i]);
@@ -177,7 +205,7 @@ static bool fill_point(saga_point *point, const saga_ply *h,
                        const double *values)
 {
     /* Points without a colour are grey. */
-    *point = (saga_point){.rgb = {128, 128, 128}};
+    *point = (saga_point){ .rgb = { 128, 128, 128 } };
     for (int i = 0; i < 3; i++) {
         point->position[i] = values[h->field[i]];
         const int colour = h->field[FIELD_RED + i];
@@ -204,7 +232,8 @@ static bool check_length(const saga_ply *h, saga_error *error)
     const size_t left = saga_left(&h->cursor);
     /* + 1, because the last number in text may lack its separator. */
     return h->count <= (left + 1) / least_nbytes(h) ||
-           saga_fail(error, h->path, "copy it again", "announces %llu points "
+           saga_fail(error, h->path, "copy it again",
+                     "announces %llu points "
                      "but has only %zu bytes left",
                      (unsigned long long)h->count, left);
 }
@@ -214,15 +243,16 @@ static bool take_vertex(double *values, saga_ply *h, uint64_t i,
 {
     return (h->ascii ? take_ascii(&h->cursor, h, values)
                      : take_binary(&h->cursor, h, values)) ||
-           saga_fail(error, h->path, "copy it again", "is cut short at point "
-                     "%llu of %llu", (unsigned long long)i,
-                     (unsigned long long)h->count);
+           saga_fail(error, h->path, "copy it again",
+                     "is cut short at point "
+                     "%llu of %llu",
+                     (unsigned long long)i, (unsigned long long)h->count);
 }
 
 bool saga_ply_open(saga_ply *ply, const saga_bytes *bytes, saga_error *error)
 {
-    ply->cursor = (saga_cursor){bytes->data, bytes->data + bytes->nbytes,
-                                false};
+    ply->cursor = (saga_cursor){ bytes->data, bytes->data + bytes->nbytes,
+                                 false };
     return parse_header(ply, error) && check_length(ply, error);
 }
 
@@ -244,8 +274,7 @@ static bool read_points(saga_ply *h, const saga_bytes *bytes,
     double values[MAX_PROPERTIES];
     if (!saga_ply_open(h, bytes, error))
         return false;
-    if (h->field[FIELD_X] < 0 || h->field[FIELD_Y] < 0 ||
-        h->field[FIELD_Z] < 0)
+    if (h->field[FIELD_X] < 0 || h->field[FIELD_Y] < 0 || h->field[FIELD_Z] < 0)
         return saga_fail(error, h->path, "export positions with the points",
                          "vertices have no x, y, z");
     /* The file is long enough for that count, so the allocation is safe. */
@@ -266,14 +295,13 @@ static bool read_points(saga_ply *h, const saga_bytes *bytes,
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
                    size_t *n_dropped, saga_error *error)
 {
-    saga_ply h = {.path = path, .names = point_fields, .n_fields = N_FIELDS};
+    saga_ply h = { .path = path, .names = point_fields, .n_fields = N_FIELDS };
     saga_bytes bytes;
     *points = NULL;
     *n_points = *n_dropped = 0;
     if (!saga_read_file(&bytes, path, error))
         return false;
-    const bool ok = read_points(&h, &bytes, points, n_points, n_dropped,
-                                error);
+    const bool ok = read_points(&h, &bytes, points, n_points, n_dropped, error);
     saga_bytes_free(&bytes);
     if (!ok) {
         free(*points);
@@ -295,8 +323,8 @@ static void store_point(uint8_t record[15], const saga_point *point)
     }
 }
 
-bool saga_ply_write(const char *path, const saga_point *points,
-                    size_t n_points, saga_error *error)
+bool saga_ply_write(const char *path, const saga_point *points, size_t n_points,
+                    saga_error *error)
 {
     saga_output out;
     if (!saga_output_open(&out, path, error))
@@ -306,7 +334,8 @@ bool saga_ply_write(const char *path, const saga_point *points,
                       "element vertex %zu\n"
                       "property float x\nproperty float y\nproperty float z\n"
                       "property uchar red\nproperty uchar green\n"
-                      "property uchar blue\nend_header\n", n_points) > 0;
+                      "property uchar blue\nend_header\n",
+                      n_points) > 0;
     for (size_t i = 0; ok && i < n_points; i++) {
         uint8_t record[15];
         store_point(record, &points[i]);

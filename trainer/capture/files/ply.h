@@ -19,12 +19,12 @@ bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
 /* A PLY file whose vertices are read one after the other. */
 enum { SAGA_PLY_MOST_PROPERTIES = 256 };
 typedef struct saga_ply {
-    const char *path;        /* for messages; owned by the caller */
+    const char *path;         /* for messages; owned by the caller */
     const char *const *names; /* (n_fields) the properties that are wanted */
     int n_fields;
     int field[SAGA_PLY_MOST_PROPERTIES]; /* the number of each property in the
                                           * file; -1: the file lacks it */
-    uint64_t count;          /* number of vertices */
+    uint64_t count;                      /* number of vertices */
     bool ascii;
     int n_properties;
     uint8_t type[SAGA_PLY_MOST_PROPERTIES];
@@ -40,7 +40,7 @@ bool saga_ply_next(float *values, saga_ply *ply, uint64_t number,
 
 /* Writes a binary little-endian PLY with float positions. The file appears
  * completely or not at all. */
-bool saga_ply_write(const char *path, const saga_point *points,
-                    size_t n_points, saga_error *error);
+bool saga_ply_write(const char *path, const saga_point *points, size_t n_points,
+                    saga_error *error);
 
 #endif

@@ -11,19 +11,19 @@
 #include <string.h>
 
 enum {
-    MOST_TEXT = 1024,        /* limit for a key, a string or a number */
-    MOST_DEPTH = 8           /* limit for nested lists or tables, because
-                              * jansson frees nested values by recursion */
+    MOST_TEXT = 1024, /* limit for a key, a string or a number */
+    MOST_DEPTH = 8    /* limit for nested lists or tables, because
+                       * jansson frees nested values by recursion */
 };
 
 typedef struct toml_reader {
     const char *path;
     const uint8_t *next, *end;
     int line;
-    json_t *root, *table;    /* the tree; the table to which keys are added */
-    const char *key;         /* the key whose value is read */
-    const uint8_t *header;   /* the name of the table and what follows; NULL:
-                              * the root */
+    json_t *root, *table;  /* the tree; the table to which keys are added */
+    const char *key;       /* the key whose value is read */
+    const uint8_t *header; /* the name of the table and what follows; NULL:
+                            * the root */
     saga_error *error;
 } toml_reader;
 
@@ -99,7 +99,7 @@ static bool take_string(toml_reader *r, char text[MOST_TEXT])
             c = look(r);
             if (c != '\\' && c != '"')
                 return bad(r, "a string has an escape sequence other than "
-                           "\\\\ and \\\"");
+                              "\\\\ and \\\"");
             r->next++;
         }
         text[n++] = (char)c;
@@ -144,9 +144,11 @@ static json_t *take_word(toml_reader *r)
     /* The table's name ends with its line at the latest. */
     const char *const table = (const char *)r->header;
     char what[320];
-    (void)snprintf(what, sizeof what, "a value is not a string, a finite "
+    (void)snprintf(what, sizeof what,
+                   "a value is not a string, a finite "
                    "number, true, false or a list of these (\"%.40s\" for "
-                   "%.60s%s%.*s)", text, r->key, table ? " of " : "",
+                   "%.60s%s%.*s)",
+                   text, r->key, table ? " of " : "",
                    table ? (int)strcspn(table, "]\n") : 0, table ? table : "");
     bad(r, what);
     return NULL;
@@ -179,7 +181,7 @@ static json_t *take_list(toml_reader *r)
             after = false;
         } else if (take(r, '[')) {
             ok = depth + 1 < MOST_DEPTH || bad(r, "lists are nested too "
-                                               "deeply");
+                                                  "deeply");
             if (ok) {
                 json_t *const inner = json_array();
                 ok = saga_json_append_item(lists[depth], inner);
@@ -265,9 +267,11 @@ json_t *saga_toml_read(const char *path, saga_error *error)
     saga_bytes bytes;
     if (!saga_read_text(&bytes, path, error))
         return NULL;
-    toml_reader r = {.path = path, .next = bytes.data,
-                     .end = bytes.data + bytes.nbytes, .line = 1,
-                     .error = error};
+    toml_reader r = { .path = path,
+                      .next = bytes.data,
+                      .end = bytes.data + bytes.nbytes,
+                      .line = 1,
+                      .error = error };
     saga_json_watch();
     r.root = r.table = json_object();
     bool ok = take_all(&r);

@@ -10,9 +10,9 @@
 enum { MOST_PIECE = 1 << 24 };
 
 struct saga_unpack {
-    z_stream z;              /* unused for zstd */
-    ZSTD_DStream *zstd;      /* or NULL */
-    ZSTD_inBuffer in;        /* what is left of the stream */
+    z_stream z;         /* unused for zstd */
+    ZSTD_DStream *zstd; /* or NULL */
+    ZSTD_inBuffer in;   /* what is left of the stream */
     bool ended, failed;
 };
 
@@ -28,9 +28,10 @@ saga_unpack *saga_unpack_open(saga_packing packing, const uint8_t *from,
         u->zstd = ZSTD_createDStream();
     /* Without a header, the size of the window is negative; 16 selects gzip's
      * header. */
-    if (packing == SAGA_ZSTD ? u->zstd != NULL
-        : inflateInit2(&u->z, packing == SAGA_GZIP ? MAX_WBITS + 16
-                                                   : -MAX_WBITS) == Z_OK)
+    if (packing == SAGA_ZSTD
+            ? u->zstd != NULL
+            : inflateInit2(&u->z, packing == SAGA_GZIP ? MAX_WBITS + 16
+                                                       : -MAX_WBITS) == Z_OK)
         return u;
     free(u);
     return NULL;
@@ -51,8 +52,7 @@ static size_t inflate_piece(saga_unpack *u, uint8_t *to, size_t n)
     u->in.pos += given - u->z.avail_in;
     u->ended = status == Z_STREAM_END;
     /* Z_BUF_ERROR says that there was no room, which is no failure. */
-    u->failed = !u->ended && status != Z_OK &&
-                (status != Z_BUF_ERROR || n > 0);
+    u->failed = !u->ended && status != Z_OK && (status != Z_BUF_ERROR || n > 0);
     return n - u->z.avail_out;
 }
 

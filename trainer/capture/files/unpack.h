@@ -11,8 +11,9 @@
 #include <stdint.h>
 
 typedef enum saga_packing {
-    SAGA_DEFLATE,            /* without a header, as in ZIP */
-    SAGA_GZIP, SAGA_ZSTD
+    SAGA_DEFLATE, /* without a header, as in ZIP */
+    SAGA_GZIP,
+    SAGA_ZSTD
 } saga_packing;
 
 typedef struct saga_unpack saga_unpack;

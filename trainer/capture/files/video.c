@@ -12,7 +12,8 @@
  * leaves others as they are. */
 static void write_filter(char *to, size_t n, const saga_video_info *info)
 {
-    (void)snprintf(to, n, "%sscale=in_color_matrix=%s:in_range=%s:"
+    (void)snprintf(to, n,
+                   "%sscale=in_color_matrix=%s:in_range=%s:"
                    "out_range=full:"
                    "flags=bicubic+accurate_rnd+full_chroma_int+bitexact",
                    info->interlaced ? "bwdif=mode=send_frame:deint=interlaced,"
@@ -32,25 +33,38 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     (void)snprintf(size, sizeof size, "%dx%d", info->width, info->height);
     /* Each video is decoded with one thread, since other cameras are decoded at
      * the same time. */
-    const char *const decode[] = {
-        "-threads", "1", info->decoder[0] ? "-c:v" : "-threads",
-        info->decoder[0] ? info->decoder : "1",
-        info->upright ? NULL : "-noautorotate", NULL};
-    const char *const raw[] = {
-        "-threads", "1", "-pixel_format", info->raw, "-video_size", size,
-        NULL};
+    const char *const decode[] = { "-threads",
+                                   "1",
+                                   info->decoder[0] ? "-c:v" : "-threads",
+                                   info->decoder[0] ? info->decoder : "1",
+                                   info->upright ? NULL : "-noautorotate",
+                                   NULL };
+    const char *const raw[] = { "-threads", "1",           "-pixel_format",
+                                info->raw,  "-video_size", size,
+                                NULL };
     /* "passthrough" keeps ffmpeg from doubling or dropping frames to match the
      * rate. */
-    const char *const words[] = {
-        "-nostdin", "-map", "0:V:0", "-frames:v", count,
-        video->old_ffmpeg ? "-vsync" : "-fps_mode",
-        video->old_ffmpeg ? "0" : "passthrough", "-vf", filter,
-        "-pix_fmt", info->alpha ? "rgba" : "rgb24", "-f", "rawvideo", "-",
-        NULL};
-    const saga_ffmpeg job = {
-        "ffmpeg", {{.path = video->path, .words = info->raw ? raw : decode,
-                    .format = info->raw ? "rawvideo" : NULL}},
-        words, NULL};
+    const char *const words[] = { "-nostdin",
+                                  "-map",
+                                  "0:V:0",
+                                  "-frames:v",
+                                  count,
+                                  video->old_ffmpeg ? "-vsync" : "-fps_mode",
+                                  video->old_ffmpeg ? "0" : "passthrough",
+                                  "-vf",
+                                  filter,
+                                  "-pix_fmt",
+                                  info->alpha ? "rgba" : "rgb24",
+                                  "-f",
+                                  "rawvideo",
+                                  "-",
+                                  NULL };
+    const saga_ffmpeg job = { "ffmpeg",
+                              { { .path = video->path,
+                                  .words = info->raw ? raw : decode,
+                                  .format = info->raw ? "rawvideo" : NULL } },
+                              words,
+                              NULL };
     return saga_ffmpeg_start(&video->child, &job, error);
 }
 
@@ -58,7 +72,7 @@ bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error)
 {
-    *video = (saga_video){.path = path, .info = *info, .n_wanted = n_wanted};
+    *video = (saga_video){ .path = path, .info = *info, .n_wanted = n_wanted };
     video->child.out = video->child.log = -1;
     return start_ffmpeg(video, error);
 }
@@ -114,12 +128,11 @@ bool saga_video_next(saga_video *video, uint8_t *pixels, saga_error *error)
         return true;
     }
     (void)saga_child_end(&video->child, false);
-    return saga_fail(error, video->path, "copy or encode the video again",
-                     "only %d of %d frames of %d x %d could be decoded (%s)",
-                     video->n_read, video->n_wanted, video->info.width,
-                     video->info.height,
-                     video->child.tail[0] ? video->child.tail
-                                          : "the stream ends there");
+    return saga_fail(
+        error, video->path, "copy or encode the video again",
+        "only %d of %d frames of %d x %d could be decoded (%s)", video->n_read,
+        video->n_wanted, video->info.width, video->info.height,
+        video->child.tail[0] ? video->child.tail : "the stream ends there");
 }
 
 bool saga_video_close(saga_video *video, bool ok, saga_error *error)

@@ -20,28 +20,28 @@
 #include "child.h"
 
 typedef struct saga_video_info {
-    int width, height;   /* as stored */
-    int orientation;     /* how it asks to be shown (picture_turn.h), */
-    bool upright;        /* and whether it is read so; set by the caller */
-    bool opacity;        /* frames are RGBA, not RGB over black; set by the
-                          * caller, only if alpha is set */
+    int width, height; /* as stored */
+    int orientation;   /* how it asks to be shown (picture_turn.h), */
+    bool upright;      /* and whether it is read so; set by the caller */
+    bool opacity;      /* frames are RGBA, not RGB over black; set by the
+                        * caller, only if alpha is set */
     int n_frames;
-    double fps;          /* frames per second, not lowered by frames that were
-                          * dropped; 0 if unknown */
-    bool steady;         /* all frames lie on a grid of this rate; true if there
-                          * are no stamps */
-    double *stamps;      /* (n_frames) in seconds, ascending; NULL: unknown.
-                          * saga_video_info_free frees them */
-    bool own_clock;      /* stamps begin at an arbitrary number */
+    double fps;     /* frames per second, not lowered by frames that were
+                     * dropped; 0 if unknown */
+    bool steady;    /* all frames lie on a grid of this rate; true if there
+                     * are no stamps */
+    double *stamps; /* (n_frames) in seconds, ascending; NULL: unknown.
+                     * saga_video_info_free frees them */
+    bool own_clock; /* stamps begin at an arbitrary number */
     bool interlaced, alpha;
-    bool untagged;       /* the file names no colour matrix */
-    char matrix[16];     /* its name in ffmpeg's scaler */
+    bool untagged;   /* the file names no colour matrix */
+    char matrix[16]; /* its name in ffmpeg's scaler */
     bool full_range;
     char transfer[24], primaries[24]; /* ffprobe's names; may be empty */
-    char decoder[16];    /* ffmpeg's decoder; empty: its choice */
-    const char *raw;     /* ffmpeg's name of the pixel format of a file without
-                          * a header, a static string; NULL: the file has a
-                          * header */
+    char decoder[16];                 /* ffmpeg's decoder; empty: its choice */
+    const char *raw; /* ffmpeg's name of the pixel format of a file without
+                      * a header, a static string; NULL: the file has a
+                      * header */
 } saga_video_info;
 
 /* Finds the properties of a file. */
@@ -51,11 +51,11 @@ void saga_video_info_free(saga_video_info *info);
 
 typedef struct saga_video {
     saga_child child;
-    const char *path;    /* owned by the caller; must outlive the video */
+    const char *path; /* owned by the caller; must outlive the video */
     saga_video_info info;
     int n_wanted, n_read;
-    bool old_ffmpeg;     /* before version 5.1, which needs -vsync instead of
-                          * -fps_mode */
+    bool old_ffmpeg; /* before version 5.1, which needs -vsync instead of
+                      * -fps_mode */
 } saga_video;
 
 /* Prepares to read the first n_wanted frames. If info->upright, they are turned

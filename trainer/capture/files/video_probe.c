@@ -20,14 +20,14 @@
 /* What ffprobe has said so far. */
 typedef struct answer {
     const char *path;
-    char text[8192];      /* lines about the stream */
+    char text[8192]; /* lines about the stream */
     size_t n_text;
-    char line[128];       /* the line that is being read */
+    char line[128]; /* the line that is being read */
     size_t n_line;
-    double stamp;         /* of the packet that is being read, in seconds */
-    double *stamps;       /* (n) of the packets that are presented */
+    double stamp;   /* of the packet that is being read, in seconds */
+    double *stamps; /* (n) of the packets that are presented */
     int n;
-    bool untimed;         /* some packet has no stamp */
+    bool untimed; /* some packet has no stamp */
 } answer;
 
 /* ---------------------------------------------------------- ffprobe's lines */
@@ -38,8 +38,8 @@ static bool add_stamp(answer *a, saga_error *error)
         return saga_fail(error, a->path, "use a video with 1 to 1048576 frames",
                          "has more than %d frames", SAGA_MAX_FRAMES);
     if ((a->n & (a->n - 1)) == 0) { /* the capacity is a power of two */
-        double *const more = saga_realloc(a->stamps, a->n ? 2 * (size_t)a->n
-                                                          : 1,
+        double *const more = saga_realloc(a->stamps,
+                                          a->n ? 2 * (size_t)a->n : 1,
                                           sizeof *more, a->path, error);
         if (!more)
             return false;
@@ -101,24 +101,27 @@ static bool read_lines(answer *a, saga_child *child, saga_error *error)
 static bool ask(answer *a, saga_error *error)
 {
     static const char *const words[] = {
-        "-select_streams", "V:0", "-show_entries",
+        "-select_streams",
+        "V:0",
+        "-show_entries",
         "packet=pts_time,flags:format=format_name:"
         "stream=codec_name,pix_fmt,width,height,avg_frame_rate,field_order,"
         "color_space,color_range,color_transfer,color_primaries:"
         "stream_tags=alpha_mode:stream_side_data=displaymatrix",
-        "-of", "default=noprint_wrappers=1", NULL};
-    const saga_ffmpeg job = {
-        "ffprobe", {{.path = a->path}}, words, NULL};
+        "-of",
+        "default=noprint_wrappers=1",
+        NULL
+    };
+    const saga_ffmpeg job = { "ffprobe", { { .path = a->path } }, words, NULL };
     saga_child child;
     if (!saga_ffmpeg_start(&child, &job, error))
         return false;
     const bool ok = read_lines(a, &child, error);
     const int status = saga_child_end(&child, !ok);
-    return ok && (status == 0 ||
-                  saga_ffmpeg_refuse(&child, a->path,
-                                     "check that ffplay shows it",
-                                     "is not a video that ffprobe can read",
-                                     error));
+    return ok &&
+           (status == 0 ||
+            saga_ffmpeg_refuse(&child, a->path, "check that ffplay shows it",
+                               "is not a video that ffprobe can read", error));
 }
 
 /* Finds the value of "key=" at the start of a line; empty if missing. */
@@ -169,10 +172,10 @@ static double field_ratio(const char *text, const char *key)
 /* Tells whether a pixel format has no matrix, because it is not Y'CbCr. */
 static bool has_no_matrix(const char *pixels)
 {
-    static const char *const begins[] = {"rgb", "bgr", "gbr", "argb", "abgr",
-                                         "0rgb", "0bgr", "x2rgb", "x2bgr",
-                                         "pal8", "gray", "mono", "bayer",
-                                         "xyz", "ya"};
+    static const char *const begins[] = { "rgb",   "bgr",  "gbr",  "argb",
+                                          "abgr",  "0rgb", "0bgr", "x2rgb",
+                                          "x2bgr", "pal8", "gray", "mono",
+                                          "bayer", "xyz",  "ya" };
     for (size_t i = 0; i < sizeof begins / sizeof begins[0]; i++)
         if (strncmp(pixels, begins[i], strlen(begins[i])) == 0)
             return true;
@@ -185,9 +188,9 @@ static bool probe_matrix(saga_video_info *info, const answer *a,
                          const char *pixels, saga_error *error)
 {
     static const char *const known[][2] = {
-        {"bt709", "bt709"},         {"smpte170m", "smpte170m"},
-        {"bt470bg", "bt470bg"},     {"smpte240m", "smpte240m"},
-        {"bt2020nc", "bt2020"},     {"fcc", "fcc"},
+        { "bt709", "bt709" },     { "smpte170m", "smpte170m" },
+        { "bt470bg", "bt470bg" }, { "smpte240m", "smpte240m" },
+        { "bt2020nc", "bt2020" }, { "fcc", "fcc" },
     };
     char value[32];
     field(a->text, "color_space", value, sizeof value);
@@ -204,8 +207,7 @@ static bool probe_matrix(saga_video_info *info, const answer *a,
                      strcmp(value, "reserved") == 0;
     return info->untagged ||
            saga_fail(error, a->path, "encode it with -colorspace bt709",
-                     "has the colour matrix %s, which is not supported",
-                     value);
+                     "has the colour matrix %s, which is not supported", value);
 }
 
 static bool probe_colour(saga_video_info *info, const answer *a,
@@ -239,9 +241,10 @@ static bool probe_orientation(saga_video_info *info, const answer *a,
 {
     /* Orientations by whether the matrix exchanges the sides, and by the signs
      * of what becomes the shown column and row. */
-    static const int of[2][2][2] = {{{1, 4}, {2, 3}}, {{5, 8}, {6, 7}}};
-    const char *const rows[2] = {strstr(a->text, "\n00000000:"),
-                                 strstr(a->text, "\n00000001:")};
+    static const int of[2][2][2] = { { { 1, 4 }, { 2, 3 } },
+                                     { { 5, 8 }, { 6, 7 } } };
+    const char *const rows[2] = { strstr(a->text, "\n00000000:"),
+                                  strstr(a->text, "\n00000001:") };
     long m[2][2];
     info->orientation = 1;
     if (!rows[0] || !rows[1])
@@ -253,8 +256,10 @@ static bool probe_orientation(saga_video_info *info, const answer *a,
     }
     const bool swaps = m[0][0] == 0 && m[1][1] == 0 && m[0][1] && m[1][0];
     if (!swaps && (m[0][1] || m[1][0] || !m[0][0] || !m[1][1]))
-        return saga_fail(error, a->path, "remove its rotation, or turn it by "
-                         "encoding it again", "asks to be shown turned by an "
+        return saga_fail(error, a->path,
+                         "remove its rotation, or turn it by "
+                         "encoding it again",
+                         "asks to be shown turned by an "
                          "angle that is no multiple of 90 degrees");
     info->orientation = of[swaps][(swaps ? m[1][0] : m[0][0]) < 0]
                           [(swaps ? m[0][1] : m[1][1]) < 0];
@@ -319,8 +324,8 @@ static bool probe_rate(saga_video_info *info, answer *a, saga_error *error)
     qsort(a->stamps, (size_t)n, sizeof *a->stamps, saga_by_value);
     const double span = a->stamps[n - 1] - a->stamps[0];
     if (n > 1 && span > 0.0) {
-        double *const apart =
-            saga_alloc((size_t)n, sizeof *apart, a->path, error);
+        double *const apart = saga_alloc((size_t)n, sizeof *apart, a->path,
+                                         error);
         if (!apart)
             return false;
         const double steps = count_steps(a->stamps, n, apart);
@@ -338,7 +343,7 @@ static bool probe_rate(saga_video_info *info, answer *a, saga_error *error)
 
 static bool probe_all(saga_video_info *info, answer *a, saga_error *error)
 {
-    static const char *const fields[] = {"tt", "bb", "tb", "bt"};
+    static const char *const fields[] = { "tt", "bb", "tb", "bt" };
     if (!ask(a, error) || !probe_size(info, a, error))
         return false;
     if (a->n < 1)
@@ -356,11 +361,13 @@ static bool probe_all(saga_video_info *info, answer *a, saga_error *error)
 bool saga_video_probe(saga_video_info *info, const char *path,
                       saga_error *error)
 {
-    answer a = {.path = path, .stamp = NAN};
-    *info = (saga_video_info){.width = 0};
+    answer a = { .path = path, .stamp = NAN };
+    *info = (saga_video_info){ .width = 0 };
     if (!saga_path_is_file(path))
-        return saga_fail(error, path, "check the name; every camera needs a "
-                         "video", "video is missing");
+        return saga_fail(error, path,
+                         "check the name; every camera needs a "
+                         "video",
+                         "video is missing");
     const bool ok = probe_all(info, &a, error);
     free(a.stamps);
     return ok;

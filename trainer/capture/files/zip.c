@@ -35,8 +35,8 @@ static bool find_directory(saga_zip *zip)
 {
     const saga_bytes *const b = &zip->bytes;
 
-    for (size_t back = END_NBYTES; back <= b->nbytes &&
-         back <= END_NBYTES + 65535u; back++) {
+    for (size_t back = END_NBYTES;
+         back <= b->nbytes && back <= END_NBYTES + 65535u; back++) {
         const uint8_t *const p = b->data + b->nbytes - back;
 
         /* The comment follows the record, so the magic is searched backwards
@@ -80,9 +80,11 @@ static bool find(member *m, const saga_zip *zip, const char *name)
         saga_take(&c, (size_t)load(p + 30, 2) + load(p + 32, 2));
         if (!is_name(its_name, n, name))
             continue;
-        *m = (member){ .method = load(p + 10, 2), .crc = load(p + 16, 4),
+        *m = (member){ .method = load(p + 10, 2),
+                       .crc = load(p + 16, 4),
                        .packed_nbytes = load(p + 20, 4),
-                       .nbytes = load(p + 24, 4), .local = load(p + 42, 4) };
+                       .nbytes = load(p + 24, 4),
+                       .local = load(p + 42, 4) };
         return true;
     }
     return false;
@@ -99,8 +101,8 @@ bool saga_zip_has(const saga_zip *zip, const char *name)
  * file ends before they do. */
 static const uint8_t *packed(const saga_zip *zip, const member *m)
 {
-    saga_cursor c = { zip->bytes.data,
-                      zip->bytes.data + zip->bytes.nbytes, false };
+    saga_cursor c = { zip->bytes.data, zip->bytes.data + zip->bytes.nbytes,
+                      false };
     const uint8_t *p;
 
     saga_take(&c, m->local);
@@ -132,9 +134,10 @@ static bool unpack(uint8_t *to, const uint8_t *from, const member *m)
 
 static bool is_possible(const member *m)
 {
-    return m->method == STORED ? m->packed_nbytes == m->nbytes
-        : m->method == DEFLATED &&
-          saga_unpack_may(SAGA_DEFLATE, m->packed_nbytes, m->nbytes);
+    return m->method == STORED
+               ? m->packed_nbytes == m->nbytes
+               : m->method == DEFLATED &&
+                     saga_unpack_may(SAGA_DEFLATE, m->packed_nbytes, m->nbytes);
 }
 
 bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
@@ -153,9 +156,10 @@ bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
                          "holds %s in an unsupported form, or is cut short",
                          name);
     if (m.nbytes > most)
-        return saga_fail(error, zip->path, "save it again", "holds %s with %zu "
-                         "bytes, more than its contents can need (%" PRIu64
-                         ")", name, m.nbytes, most);
+        return saga_fail(error, zip->path, "save it again",
+                         "holds %s with %zu "
+                         "bytes, more than its contents can need (%" PRIu64 ")",
+                         name, m.nbytes, most);
     /* A NUL follows the last byte. */
     to->data = saga_calloc(m.nbytes + 1, 1, zip->path, error);
     if (!to->data)

@@ -8,9 +8,9 @@
 #include "file.h"
 
 typedef struct saga_zip {
-    const char *path;        /* for messages; owned by the caller */
-    saga_bytes bytes;        /* the whole file, owned by the caller */
-    size_t directory;        /* offset of the list of members */
+    const char *path; /* for messages; owned by the caller */
+    saga_bytes bytes; /* the whole file, owned by the caller */
+    size_t directory; /* offset of the list of members */
     uint32_t n_members;
 } saga_zip;
 

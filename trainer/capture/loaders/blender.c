@@ -22,9 +22,8 @@ static bool list(saga_listing *listing, const char *path,
     char *const train = saga_path_join(path, "transforms_train.json", error);
     char *const test = saga_path_join(path, "transforms_test.json", error);
     const bool ok = train && test &&
-                    saga_nerfstudio_list(listing, train,
-                                         has_test ? test : NULL, options,
-                                         error);
+                    saga_nerfstudio_list(listing, train, has_test ? test : NULL,
+                                         options, error);
     free(train);
     free(test);
     return ok;

@@ -39,13 +39,13 @@ static const double largest_rig_metres = 50.0;
 
 typedef struct calibration {
     saga_listing *listing;
-    char *path;               /* path of the TOML file, or NULL */
-    double (*sizes)[2];       /* (n_sources) size of the calibrated pictures */
-    int n_files;              /* number of TOML files beside it, and it */
+    char *path;         /* path of the TOML file, or NULL */
+    double (*sizes)[2]; /* (n_sources) size of the calibrated pictures */
+    int n_files;        /* number of TOML files beside it, and it */
     char *videos_folder;
-    saga_names videos;        /* in that folder */
-    int n_recordings;         /* number of folders in recordings/ that have
-                               * videos */
+    saga_names videos; /* in that folder */
+    int n_recordings;  /* number of folders in recordings/ that have
+                        * videos */
     saga_error *error;
 } calibration;
 
@@ -68,7 +68,7 @@ static bool is_calibration(const char *name)
 static bool find_file(calibration *c, const char *folder)
 {
     static const char first[] = "camera_array.toml";
-    saga_names names = {0};
+    saga_names names = { 0 };
     bool ok = true;
     c->n_files = saga_folder_has(folder, first);
     if (!c->n_files) {
@@ -86,10 +86,10 @@ static bool find_file(calibration *c, const char *folder)
  * the folder of a project. *beside tells which. */
 static bool find_calibration(calibration *c, const char *folder, bool *beside)
 {
-    static const char *const parts[] = {
-        "", "capture_volume", "calibration/extrinsic/capture_volume",
-        "calibration/extrinsic", "calibration"
-    };
+    static const char *const parts[] = { "", "capture_volume",
+                                         "calibration/extrinsic/capture_volume",
+                                         "calibration/extrinsic",
+                                         "calibration" };
     for (size_t i = 0; !c->path && i < sizeof parts / sizeof *parts; i++) {
         char *const place = saga_path_join(folder, parts[i], c->error);
         const bool ok = place && find_file(c, place);
@@ -112,8 +112,9 @@ static bool get_numbers(const json_t *list, double *to, size_t most, size_t *n)
         const json_t *const item = json_array_get(list, i);
         const size_t m = json_is_array(item) ? json_array_size(item) : 1;
         for (size_t k = 0; k < m; k++) {
-            const json_t *const x =
-                json_is_array(item) ? json_array_get(item, k) : item;
+            const json_t *const x = json_is_array(item)
+                                        ? json_array_get(item, k)
+                                        : item;
             if (!json_is_number(x) || *n == most)
                 return false;
             to[(*n)++] = json_number_value(x);
@@ -137,7 +138,8 @@ static bool get_all(const calibration *c, const saga_source *s,
     char wanted[40];
     (void)snprintf(wanted, sizeof wanted, "%zu numbers", n);
     return (get_numbers(json_object_get(table, key), to, n, &n_there) &&
-            n_there == n) || bad_value(c, s, key, wanted);
+            n_there == n) ||
+           bad_value(c, s, key, wanted);
 }
 
 /* ------------------------------------------------------------------ cameras */
@@ -146,7 +148,7 @@ static bool read_distortion(const calibration *c, saga_source *s,
                             const json_t *table)
 {
     enum { MOST = 14 };
-    double k[MOST] = {0.0};
+    double k[MOST] = { 0.0 };
     const json_t *const list = json_object_get(table, "distortions");
     const size_t n_known = s->lens.fisheye ? 4 : 5;
     size_t n;
@@ -156,11 +158,13 @@ static bool read_distortion(const calibration *c, saga_source *s,
      * sensor) must be 0, where these models equal the short one. */
     for (size_t i = n_known; i < n; i++)
         if (k[i] != 0.0)
-            return saga_fail(c->error, c->path, s->lens.fisheye
-                             ? "calibrate with OpenCV's fisheye model"
-                             : "calibrate with only k1 k2 p1 p2 k3",
+            return saga_fail(c->error, c->path,
+                             s->lens.fisheye
+                                 ? "calibrate with OpenCV's fisheye model"
+                                 : "calibrate with only k1 k2 p1 p2 k3",
                              "the lens of %s has %zu coefficients, but only "
-                             "%zu are supported", s->name, n, n_known);
+                             "%zu are supported",
+                             s->name, n, n_known);
     s->lens.k1 = k[0];
     s->lens.k2 = k[1];
     s->lens.p1 = s->lens.fisheye ? 0.0 : k[2];
@@ -183,8 +187,9 @@ static bool read_lens(const calibration *c, saga_source *s, const json_t *table,
     if (m[1] != 0.0)
         return saga_fail(c->error, c->path, "calibrate without skew",
                          "matrix of %s has a skew of %g", s->name, m[1]);
-    s->lens = (saga_lens){.fx = m[0], .fy = m[4], .cx = m[2] + 0.5,
-                          .cy = m[5] + 0.5};
+    s->lens = (saga_lens){
+        .fx = m[0], .fy = m[4], .cx = m[2] + 0.5, .cy = m[5] + 0.5
+    };
     s->lens.fisheye = json_is_true(json_object_get(table, "fisheye"));
     return read_distortion(c, s, table);
 }
@@ -199,7 +204,7 @@ static bool read_pose(const calibration *c, saga_source *s, const json_t *table)
         (n != 3 && n != 9))
         return bad_value(c, s, "rotation", "3 numbers or 3 x 3");
     if (n == 3)
-        saga_pose_from_turn((double[3]){r[0], r[1], r[2]}, r);
+        saga_pose_from_turn((double[3]){ r[0], r[1], r[2] }, r);
     return saga_pose_from_world(r, t, s->rotation, s->translation) ||
            saga_fail(c->error, c->path, "export the calibration again",
                      "rotation of %s is not finite or not a rotation (%g %g "
@@ -232,27 +237,31 @@ static bool add_camera(calibration *c, const char *key, const json_t *table)
 {
     static const saga_note_kind left_out = {
         "cameras: left out, because the calibration has no pose of them or "
-        "ignores them: ", ""};
+        "ignores them: ",
+        ""
+    };
     /* Caliscope turns pictures only to show and to track them. */
     static const saga_note_kind turned = {
-        "cameras: the rotation_count of ", " is for caliscope's windows; "
+        "cameras: the rotation_count of ",
+        " is for caliscope's windows; "
         "pictures are read as they are in the videos, which is what lenses "
-        "and poses are for"};
+        "and poses are for"
+    };
     saga_listing *const l = c->listing;
     if (l->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(c->error, c->path, "split the capture",
                          "has more than %d cameras", SAGA_MAX_VIEWS);
     const size_t n = (size_t)l->n_sources + 1;
-    saga_source *const more =
-        saga_realloc(l->sources, n, sizeof *more, c->path, c->error);
+    saga_source *const more = saga_realloc(l->sources, n, sizeof *more, c->path,
+                                           c->error);
     l->sources = more ? more : l->sources;
-    double (*const sizes)[2] =
-        saga_realloc(c->sizes, n, sizeof *sizes, c->path, c->error);
+    double(*const sizes)[2] = saga_realloc(c->sizes, n, sizeof *sizes, c->path,
+                                           c->error);
     c->sizes = sizes ? sizes : c->sizes;
     if (!more || !sizes)
         return false;
     saga_source *const s = &more[n - 1];
-    *s = (saga_source){.video = NULL};
+    *s = (saga_source){ .video = NULL };
     name_camera(s, key, table);
     /* The calibration may have failed for a camera, or the user may have
      * excluded it. */
@@ -274,11 +283,14 @@ static bool check_poses(const calibration *c)
     const saga_source *const s = c->listing->sources;
     for (int i = 1; i < c->listing->n_sources; i++)
         if (memcmp(s[i].rotation, s[0].rotation, sizeof s->rotation) == 0 &&
-            memcmp(s[i].translation, s[0].translation, sizeof s->translation)
-                == 0)
-            return saga_fail(c->error, c->path, "calibrate poses (extrinsics) "
-                             "as well", "gives %s and %s the same rotation and "
-                             "translation", s[0].name, s[i].name);
+            memcmp(s[i].translation, s[0].translation, sizeof s->translation) ==
+                0)
+            return saga_fail(c->error, c->path,
+                             "calibrate poses (extrinsics) "
+                             "as well",
+                             "gives %s and %s the same rotation and "
+                             "translation",
+                             s[0].name, s[i].name);
     return true;
 }
 
@@ -290,16 +302,18 @@ static bool read_cameras(calibration *c)
     const char *key;
     json_t *table;
     /* Tables without intrinsics, such as "metadata", are not cameras. */
-    json_object_foreach (array ? array : root, key, table)
-        if (ok && json_object_get(table, "matrix"))
-            ok = add_camera(c, key, table);
+    json_object_foreach(array ? array : root, key,
+                        table) if (ok && json_object_get(table, "matrix"))
+        ok = add_camera(c, key, table);
     /* Caliscope's unit is the metre. */
     if (array)
         c->listing->metres = 1.0;
     json_decref(root);
     if (ok && c->listing->n_sources == 0)
-        return saga_fail(c->error, c->path, "calibrate poses (extrinsics) as "
-                         "well", "has no camera with matrix, rotation and "
+        return saga_fail(c->error, c->path,
+                         "calibrate poses (extrinsics) as "
+                         "well",
+                         "has no camera with matrix, rotation and "
                          "translation");
     return ok && saga_listing_check_names(c->listing, c->path, c->error) &&
            check_poses(c);
@@ -324,7 +338,7 @@ static bool look_for_videos(calibration *c, const char *folder,
 static bool look_in_recordings(calibration *c, const char *folder)
 {
     char *const root = saga_path_join(folder, "recordings", c->error);
-    saga_names takes = {0};
+    saga_names takes = { 0 };
     bool ok = root && saga_folder_list(&takes, root, NULL, c->error);
     size_t last = 0;
     for (size_t i = 0; ok && i < takes.n; i++) {
@@ -363,15 +377,20 @@ static bool check_files(const calibration *c, const char *folder)
                          "has %d calibrations, among them %.100s", c->n_files,
                          strrchr(c->path, '/') + 1);
     if (c->n_recordings > 1)
-        return saga_fail(c->error, folder, "copy the calibration into that "
-                         "which you want, and give its folder", "has %d "
+        return saga_fail(c->error, folder,
+                         "copy the calibration into that "
+                         "which you want, and give its folder",
+                         "has %d "
                          "recordings with videos in recordings/, and the "
-                         "calibration %.200s", c->n_recordings, c->path);
+                         "calibration %.200s",
+                         c->n_recordings, c->path);
     return c->videos.n > 0 ||
-           saga_fail(c->error, folder, "put them there", "has the calibration "
+           saga_fail(c->error, folder, "put them there",
+                     "has the calibration "
                      "%.200s, but no videos (.mp4, .mov, .mkv, .avi, .webm, "
                      ".ts ...) beside it, nor in videos/, synchronized_videos/,"
-                     " recordings/NAME/ or calibration/extrinsic/", c->path);
+                     " recordings/NAME/ or calibration/extrinsic/",
+                     c->path);
 }
 
 /* ----------------------------------------------------- which is whose video */
@@ -398,7 +417,7 @@ static bool has_number(const char *camera, const char *video, size_t n)
 }
 
 static bool (*const rules[])(const char *camera, const char *video,
-                             size_t n) = {is_same, ends_so, has_number};
+                             size_t n) = { is_same, ends_so, has_number };
 
 enum { N_RULES = sizeof rules / sizeof *rules };
 
@@ -447,10 +466,13 @@ static bool give_videos(calibration *c, const char *folder)
     saga_listing *const l = c->listing;
     const int rule = best_rule(c);
     if (rule < 0)
-        return saga_fail(c->error, folder, "name each video as its camera, for "
-                         "example cam_0.mp4", "no name of its %zu videos "
+        return saga_fail(c->error, folder,
+                         "name each video as its camera, for "
+                         "example cam_0.mp4",
+                         "no name of its %zu videos "
                          "(%.60s ...) contains that of one of the %d cameras "
-                         "(%s ...)", c->videos.n, c->videos.at[0], l->n_sources,
+                         "(%s ...)",
+                         c->videos.n, c->videos.at[0], l->n_sources,
                          l->sources[0].name);
     /* Videos that no camera takes are only counted. */
     size_t n_used = 0;
@@ -458,15 +480,17 @@ static bool give_videos(calibration *c, const char *folder)
         const int v = video_of(c, rule, i);
         if (v < 0)
             continue;
-        l->sources[i].video = saga_path_join(c->videos_folder,
-                                              c->videos.at[v], c->error);
+        l->sources[i].video = saga_path_join(c->videos_folder, c->videos.at[v],
+                                             c->error);
         if (!l->sources[i].video)
             return false;
         n_used++;
     }
     if (n_used < c->videos.n)
-        saga_note(l->notes, "videos: %zu of %zu belong to no camera of the "
-                  "calibration", c->videos.n - n_used, c->videos.n);
+        saga_note(l->notes,
+                  "videos: %zu of %zu belong to no camera of the "
+                  "calibration",
+                  c->videos.n - n_used, c->videos.n);
     return true;
 }
 
@@ -476,23 +500,26 @@ static bool give_videos(calibration *c, const char *folder)
 static bool fit_size(const calibration *c, saga_source *s, const double size[2])
 {
     if (!saga_source_fit(s, size[0], size[1]))
-        return saga_fail(c->error, c->path,
-                         saga_source_fit_remedy(
-                             s, size[0], size[1], "calibrate with pictures "
-                             "that are neither rotated nor cropped"), "%s was "
-                         "calibrated with %g x %g pixels, the video has "
-                         "%d x %d", s->name, size[0], size[1], s->width,
-                         s->height);
+        return saga_fail(
+            c->error, c->path,
+            saga_source_fit_remedy(s, size[0], size[1],
+                                   "calibrate with pictures "
+                                   "that are neither rotated nor cropped"),
+            "%s was "
+            "calibrated with %g x %g pixels, the video has "
+            "%d x %d",
+            s->name, size[0], size[1], s->width, s->height);
     if (s->width != size[0] && !strstr(c->listing->notes, "size:"))
-        saga_note(c->listing->notes, "size: lenses were calibrated with %g x "
-                  "%g pixels and are scaled to the videos' (%s)", size[0],
-                  size[1], s->name);
+        saga_note(c->listing->notes,
+                  "size: lenses were calibrated with %g x "
+                  "%g pixels and are scaled to the videos' (%s)",
+                  size[0], size[1], s->name);
     return true;
 }
 
 /* Notes the unit of length. A file without one uses the unit of its board,
  * often millimetres. */
-static void tell_unit(saga_listing *l)
+static void note_unit(saga_listing *l)
 {
     const saga_source *const s = l->sources;
     double farthest = 0.0;
@@ -501,14 +528,16 @@ static void tell_unit(saga_listing *l)
             double a[3], b[3];
             saga_pose_centre(s[i].rotation, s[i].translation, a);
             saga_pose_centre(s[k].rotation, s[k].translation, b);
-            farthest = fmax(farthest, hypot(hypot(a[0] - b[0], a[1] - b[1]),
-                                            a[2] - b[2]));
+            farthest = fmax(
+                farthest, hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]));
         }
     if (farthest <= largest_rig_metres)
         return;
-    saga_note(l->notes, "unit: cameras are up to %.4g units apart, which "
+    saga_note(l->notes,
+              "unit: cameras are up to %.4g units apart, which "
               "cannot be metres; if they are millimetres, --metres 0.001 "
-              "records that in the file", farthest);
+              "records that in the file",
+              farthest);
     l->metres = 0.0;
 }
 
@@ -523,13 +552,13 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     bool ok = kept_as && saga_listing_drop_empty(l, 0, 0, kept_as, c->error);
     for (int i = 0; ok && i < n; i++) {
         saga_source *const s = &l->sources[kept_as[i] < 0 ? 0 : kept_as[i]];
-        ok = kept_as[i] < 0 || (saga_probe_video(s, c->error) &&
-                                fit_size(c, s, c->sizes[i]));
+        ok = kept_as[i] < 0 ||
+             (saga_probe_video(s, c->error) && fit_size(c, s, c->sizes[i]));
     }
     free(kept_as);
     if (!ok)
         return false;
-    tell_unit(l);
+    note_unit(l);
     saga_note(l->notes, "points: none (a calibration has none)");
     return saga_listing_match_videos(l, options, c->error) &&
            saga_listing_hold_out(l, options->hold_out, c->error);
@@ -547,7 +576,7 @@ static void release(calibration *c)
  * it must have videos, and no other poses. */
 static bool is_there(const char *folder, saga_error *error)
 {
-    calibration c = {.error = error};
+    calibration c = { .error = error };
     char *model = NULL;
     bool beside = false;
     bool there = find_calibration(&c, folder, &beside) && c.path;
@@ -564,11 +593,11 @@ static bool is_there(const char *folder, saga_error *error)
 static bool list(saga_listing *listing, const char *folder,
                  const saga_capture_options *options, saga_error *error)
 {
-    calibration c = {.listing = listing, .error = error};
+    calibration c = { .listing = listing, .error = error };
     bool beside = false;
-    const bool ok =
-        find_calibration(&c, folder, &beside) && find_videos(&c, folder) &&
-        check_files(&c, folder) && read_cameras(&c) && give_videos(&c, folder);
+    const bool ok = find_calibration(&c, folder, &beside) &&
+                    find_videos(&c, folder) && check_files(&c, folder) &&
+                    read_cameras(&c) && give_videos(&c, folder);
     if (ok && !beside)
         saga_note(listing->notes, "cameras: %s, for the videos in %s", c.path,
                   c.videos_folder);

@@ -41,14 +41,14 @@ static bool binary_cameras(const saga_colmap_job *job, saga_cursor *c)
         const uint32_t model = (uint32_t)saga_take_le(c, 4);
         const double width = (double)saga_take_le(c, 8);
         const double height = (double)saga_take_le(c, 8);
-        double params[SAGA_COLMAP_MAX_PARAMS] = {0};
+        double params[SAGA_COLMAP_MAX_PARAMS] = { 0 };
         if (!c->failed && model >= SAGA_COLMAP_N_LENSES) {
             char text[24];
             (void)snprintf(text, sizeof text, "number %u", (unsigned)model);
             return saga_colmap_lens_unknown(job, text);
         }
-        for (int p = 0;
-             !c->failed && p < saga_colmap_lenses[model].n_params; p++)
+        for (int p = 0; !c->failed && p < saga_colmap_lenses[model].n_params;
+             p++)
             params[p] = saga_take_f64(c);
         if (c->failed)
             return cut_short(job, "camera", (size_t)i);
@@ -95,8 +95,8 @@ static bool binary_images(const saga_colmap_job *job, saga_cursor *c)
         const char *const name = (const char *)c->next;
         const size_t name_len = (size_t)(end - c->next);
         (void)saga_take(c, name_len + 1);
-        saga_colmap_image *const image =
-            saga_colmap_add_image(job, id, pose, camera, name, name_len);
+        saga_colmap_image *const image = saga_colmap_add_image(
+            job, id, pose, camera, name, name_len);
         if (!image || !binary_observations(job, c, image))
             return false;
     }
@@ -120,8 +120,8 @@ static bool binary_points(const saga_colmap_job *job, saga_cursor *c)
         uint64_t n_tracks;
         if (c->failed)
             return cut_short(job, "point", (size_t)i);
-        saga_colmap_point *const point =
-            saga_colmap_add_point(job, id, position, rgb);
+        saga_colmap_point *const point = saga_colmap_add_point(job, id,
+                                                               position, rgb);
         if (!point || !take_count(job, c, 8, "track elements", &n_tracks))
             return false;
         /* A track's element is the id of an image and the index of a feature,
@@ -158,12 +158,12 @@ static bool read_part(saga_colmap *model, const char *folder, const char *name,
     char *const path = saga_path_join(folder, name, error);
     saga_bytes bytes;
     bool ok = path && (saga_has_suffix(name, ".txt")
-                       ? saga_read_text(&bytes, path, error)
-                       : saga_read_file(&bytes, path, error));
+                           ? saga_read_text(&bytes, path, error)
+                           : saga_read_file(&bytes, path, error));
     if (ok) {
         const char *const text = (const char *)bytes.data;
-        const saga_colmap_job job = {model, path, text, error};
-        saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
+        const saga_colmap_job job = { model, path, text, error };
+        saga_cursor c = { bytes.data, bytes.data + bytes.nbytes, false };
         ok = parse(&job, &c);
         saga_bytes_free(&bytes);
     }
@@ -173,7 +173,7 @@ static bool read_part(saga_colmap *model, const char *folder, const char *name,
 
 static bool all_there(const char *folder, const char *ending)
 {
-    static const char *const stems[] = {"cameras", "images", "points3D"};
+    static const char *const stems[] = { "cameras", "images", "points3D" };
     for (int i = 0; i < 3; i++) {
         char name[32];
         (void)snprintf(name, sizeof name, "%s%s", stems[i], ending);
@@ -191,14 +191,15 @@ bool saga_colmap_is_there(const char *folder)
 bool saga_colmap_read_images(saga_colmap *model, const char *folder,
                              bool binary, saga_error *error)
 {
-    *model = (saga_colmap){0};
-    const bool ok = binary
-        ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
-          read_part(model, folder, "images.bin", binary_images, error)
-        : read_part(model, folder, "cameras.txt", saga_colmap_text_cameras,
-                    error) &&
-          read_part(model, folder, "images.txt", saga_colmap_text_images,
-                    error);
+    *model = (saga_colmap){ 0 };
+    const bool ok = binary ? read_part(model, folder, "cameras.bin",
+                                       binary_cameras, error) &&
+                                 read_part(model, folder, "images.bin",
+                                           binary_images, error)
+                           : read_part(model, folder, "cameras.txt",
+                                       saga_colmap_text_cameras, error) &&
+                                 read_part(model, folder, "images.txt",
+                                           saga_colmap_text_images, error);
     if (!ok) {
         saga_colmap_free(model);
         return false;
@@ -210,16 +211,15 @@ bool saga_colmap_read_images(saga_colmap *model, const char *folder,
     return true;
 }
 
-bool saga_colmap_read(saga_colmap *model, const char *folder,
-                      saga_error *error)
+bool saga_colmap_read(saga_colmap *model, const char *folder, saga_error *error)
 {
     const bool binary = all_there(folder, ".bin");
     if (!saga_colmap_read_images(model, folder, binary, error))
         return false;
-    const bool ok = binary
-        ? read_part(model, folder, "points3D.bin", binary_points, error)
-        : read_part(model, folder, "points3D.txt", saga_colmap_text_points,
-                    error);
+    const bool ok = binary ? read_part(model, folder, "points3D.bin",
+                                       binary_points, error)
+                           : read_part(model, folder, "points3D.txt",
+                                       saga_colmap_text_points, error);
     if (!ok) {
         saga_colmap_free(model);
         return false;
@@ -239,7 +239,7 @@ void saga_colmap_free(saga_colmap *model)
     free(model->points);
     free(model->observations);
     free(model->tracks);
-    *model = (saga_colmap){0};
+    *model = (saga_colmap){ 0 };
 }
 
 const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
@@ -251,12 +251,13 @@ const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
     return NULL;
 }
 
-const saga_colmap_camera *saga_colmap_camera_for(
-    const saga_colmap *model, const saga_colmap_image *image,
-    const char *folder, saga_error *error)
+const saga_colmap_camera *saga_colmap_camera_for(const saga_colmap *model,
+                                                 const saga_colmap_image *image,
+                                                 const char *folder,
+                                                 saga_error *error)
 {
-    const saga_colmap_camera *const camera =
-        saga_colmap_camera_of(model, image->camera);
+    const saga_colmap_camera *const camera = saga_colmap_camera_of(
+        model, image->camera);
     if (!camera)
         (void)saga_fail(error, folder, "export the model again",
                         "image %s names camera %u, which is missing",
@@ -267,19 +268,17 @@ const saga_colmap_camera *saga_colmap_camera_for(
 const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,
                                               uint32_t id)
 {
-    const saga_colmap_image key = {.id = id};
-    return model->n_images == 0
-               ? NULL
-               : bsearch(&key, model->images, model->n_images,
-                         sizeof *model->images, by_image_id);
+    const saga_colmap_image key = { .id = id };
+    return model->n_images == 0 ? NULL
+                                : bsearch(&key, model->images, model->n_images,
+                                          sizeof *model->images, by_image_id);
 }
 
 const saga_colmap_point *saga_colmap_point_of(const saga_colmap *model,
                                               uint64_t id)
 {
-    const saga_colmap_point key = {.id = id};
-    return model->n_points == 0
-               ? NULL
-               : bsearch(&key, model->points, model->n_points,
-                         sizeof *model->points, by_point_id);
+    const saga_colmap_point key = { .id = id };
+    return model->n_points == 0 ? NULL
+                                : bsearch(&key, model->points, model->n_points,
+                                          sizeof *model->points, by_point_id);
 }

@@ -19,29 +19,29 @@ typedef struct saga_colmap_camera {
 
 typedef struct saga_colmap_observation {
     double u, v;
-    uint64_t point;           /* id of the point */
+    uint64_t point; /* id of the point */
 } saga_colmap_observation;
 
 typedef struct saga_colmap_image {
-    uint32_t id, camera;      /* id of the image, and of its camera */
+    uint32_t id, camera; /* id of the image, and of its camera */
     double rotation[9], translation[3];
     char *name;
-    size_t first, count;      /* range of its observations with a point */
+    size_t first, count; /* range of its observations with a point */
 } saga_colmap_image;
 
 typedef struct saga_colmap_point {
     uint64_t id;
     double position[3];
     uint8_t rgb[3];
-    size_t first, count;      /* range of its track in `tracks` */
+    size_t first, count; /* range of its track in `tracks` */
 } saga_colmap_point;
 
 typedef struct saga_colmap {
     saga_colmap_camera *cameras;
-    saga_colmap_image *images;           /* in order of ascending ids */
-    saga_colmap_point *points;           /* in order of ascending ids */
+    saga_colmap_image *images; /* in order of ascending ids */
+    saga_colmap_point *points; /* in order of ascending ids */
     saga_colmap_observation *observations;
-    uint32_t *tracks;                    /* ids of the images in all tracks */
+    uint32_t *tracks; /* ids of the images in all tracks */
     size_t n_cameras, n_images, n_points, n_observations, n_tracks;
 } saga_colmap;
 
@@ -60,9 +60,10 @@ const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
                                                 uint32_t id);
 /* Returns the camera of an image. Returns NULL with *error set if the model,
  * whose folder is named in the message, has none. */
-const saga_colmap_camera *saga_colmap_camera_for(
-    const saga_colmap *model, const saga_colmap_image *image,
-    const char *folder, saga_error *error);
+const saga_colmap_camera *saga_colmap_camera_for(const saga_colmap *model,
+                                                 const saga_colmap_image *image,
+                                                 const char *folder,
+                                                 saga_error *error);
 const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,
                                               uint32_t id);
 const saga_colmap_point *saga_colmap_point_of(const saga_colmap *model,

@@ -36,11 +36,11 @@ typedef const saga_colmap_image *image_pointer;
 typedef struct folder_reader {
     saga_listing *listing;
     const char *model_folder;
-    char *root;                /* folder of the pictures */
+    char *root; /* folder of the pictures */
     saga_colmap model;
-    int *source_of;            /* (n_images) the source of each image of the
-                                * model, -1: none */
-    image_pointer *image_of;   /* (n_sources) the first image of each source */
+    int *source_of;          /* (n_images) the source of each image of the
+                              * model, -1: none */
+    image_pointer *image_of; /* (n_sources) the first image of each source */
     saga_finds finds;
     saga_error *error;
 } folder_reader;
@@ -91,14 +91,13 @@ static int by_pose_and_name(const void *a, const void *b)
 static bool group_images(folder_reader *r)
 {
     const size_t n = r->model.n_images;
-    image_pointer *const sorted =
-        saga_alloc(n, sizeof *sorted, r->model_folder, r->error);
-    r->image_of =
-        saga_alloc(n, sizeof *r->image_of, r->model_folder, r->error);
-    r->source_of =
-        saga_alloc(n, sizeof *r->source_of, r->model_folder, r->error);
-    r->listing->sources =
-        saga_calloc(n, sizeof *r->listing->sources, r->model_folder, r->error);
+    image_pointer *const sorted = saga_alloc(n, sizeof *sorted, r->model_folder,
+                                             r->error);
+    r->image_of = saga_alloc(n, sizeof *r->image_of, r->model_folder, r->error);
+    r->source_of = saga_alloc(n, sizeof *r->source_of, r->model_folder,
+                              r->error);
+    r->listing->sources = saga_calloc(n, sizeof *r->listing->sources,
+                                      r->model_folder, r->error);
     const bool ok = sorted && r->image_of && r->source_of &&
                     r->listing->sources;
     for (size_t i = 0; ok && i < n; i++)
@@ -115,9 +114,12 @@ static bool group_images(folder_reader *r)
     if (!ok)
         return false;
     if (n_sources < 1 || n_sources > SAGA_MAX_VIEWS)
-        return saga_fail(r->error, r->model_folder, "reconstruct with cameras "
-                         "that stand still", "has %zu different cameras, not "
-                         "1 to %d", n_sources, SAGA_MAX_VIEWS);
+        return saga_fail(r->error, r->model_folder,
+                         "reconstruct with cameras "
+                         "that stand still",
+                         "has %zu different cameras, not "
+                         "1 to %d",
+                         n_sources, SAGA_MAX_VIEWS);
     /* The listing is ordered by names, not by poses. */
     qsort(r->image_of, n_sources, sizeof *r->image_of, by_name);
     r->listing->n_sources = (int)n_sources;
@@ -225,9 +227,11 @@ static bool find_pictures(folder_reader *r)
         n_missing += found ? 0 : 1;
     }
     if (n_missing > 0)
-        saga_note(r->listing->notes, "pictures: %zu of the model's %zu are "
-                  "missing in %s (%.80s)", n_missing, r->model.n_images,
-                  r->root, r->model.images[first].name);
+        saga_note(r->listing->notes,
+                  "pictures: %zu of the model's %zu are "
+                  "missing in %s (%.80s)",
+                  n_missing, r->model.n_images, r->root,
+                  r->model.images[first].name);
     return true;
 }
 
@@ -250,8 +254,7 @@ static void name_sources(folder_reader *r)
             if (scheme == 0)
                 saga_copy_name(to, name, folder);
             else if (scheme == 1)
-                saga_copy_name(to, name + folder + slash,
-                               end - folder - slash);
+                saga_copy_name(to, name + folder + slash, end - folder - slash);
             else if (scheme == 2)
                 saga_copy_name(to, name, end);
             else
@@ -268,10 +271,11 @@ static void name_sources(folder_reader *r)
 static bool drop_empty(folder_reader *r)
 {
     const int n = r->listing->n_sources;
-    int *const kept_as =
-        saga_alloc((size_t)n, sizeof *kept_as, r->model_folder, r->error);
-    const bool ok = kept_as && saga_listing_drop_empty(
-        r->listing, 0, r->listing->n_frames, kept_as, r->error);
+    int *const kept_as = saga_alloc((size_t)n, sizeof *kept_as, r->model_folder,
+                                    r->error);
+    const bool ok = kept_as &&
+                    saga_listing_drop_empty(r->listing, 0, r->listing->n_frames,
+                                            kept_as, r->error);
     /* Since kept_as[i] <= i, no entry is overwritten before it has moved. */
     for (int i = 0; ok && i < n; i++)
         if (kept_as[i] >= 0)
@@ -331,7 +335,7 @@ bool saga_colmap_list(saga_listing *listing, const char *folder,
                       const saga_capture_options *options, saga_error *error)
 {
     char *model = NULL;
-    folder_reader r = {.listing = listing, .error = error};
+    folder_reader r = { .listing = listing, .error = error };
     bool ok = saga_colmap_find(&model, model_folder, error);
     r.model_folder = model ? model : folder;
     r.root = picture_root(folder, error);

@@ -26,7 +26,7 @@ extern const saga_colmap_lens saga_colmap_lenses[SAGA_COLMAP_N_LENSES + 1];
 typedef struct saga_colmap_job {
     saga_colmap *model;
     const char *file;
-    const char *text;         /* the file's bytes */
+    const char *text; /* the file's bytes */
     saga_error *error;
 } saga_colmap_job;
 
@@ -50,8 +50,8 @@ bool saga_colmap_add_observation(const saga_colmap_job *job,
 saga_colmap_point *saga_colmap_add_point(const saga_colmap_job *job,
                                          uint64_t id, const double position[3],
                                          const uint8_t rgb[3]);
-bool saga_colmap_add_track(const saga_colmap_job *job,
-                           saga_colmap_point *point, uint32_t image);
+bool saga_colmap_add_track(const saga_colmap_job *job, saga_colmap_point *point,
+                           uint32_t image);
 
 /* Read a file as text. */
 bool saga_colmap_text_cameras(const saga_colmap_job *job, saga_cursor *c);

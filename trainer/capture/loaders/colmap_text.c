@@ -47,11 +47,14 @@ static bool bad_word(const saga_colmap_job *job, const char *at, int index,
     /* Each line that has been read ends in a NUL. */
     for (const char *p = job->text; p < at; p++)
         line += *p == '\0';
-    return n == 0 ? saga_fail(job->error, job->file, remedy, "line %zu ends "
-                              "before number %d of %s", line, index, wanted)
-                  : saga_fail(job->error, job->file, remedy, "line %zu has "
-                              "\"%.*s\" for number %d of %s", line,
-                              (int)(n < 40 ? n : 40), at, index, wanted);
+    return n == 0 ? saga_fail(job->error, job->file, remedy,
+                              "line %zu ends "
+                              "before number %d of %s",
+                              line, index, wanted)
+                  : saga_fail(job->error, job->file, remedy,
+                              "line %zu has "
+                              "\"%.*s\" for number %d of %s",
+                              line, (int)(n < 40 ? n : 40), at, index, wanted);
 }
 
 /* Reads n numbers, which begin at number `index` of what is wanted. */
@@ -92,7 +95,7 @@ bool saga_colmap_text_cameras(const saga_colmap_job *job, saga_cursor *c)
     for (const char *line; (line = next_line(c, true)) != NULL;) {
         int64_t id;
         char name[32], wanted[80];
-        double size[2], params[SAGA_COLMAP_MAX_PARAMS] = {0};
+        double size[2], params[SAGA_COLMAP_MAX_PARAMS] = { 0 };
         if (!take_id(job, &line, &id, 1, head))
             return false;
         line += strspn(line, blanks);
@@ -126,8 +129,10 @@ static bool text_observations(const saga_colmap_job *job, const char *line,
                               saga_colmap_image *image)
 {
     char wanted[80];
-    (void)snprintf(wanted, sizeof wanted, "the features of image %u "
-                   "(X Y POINT3D_ID each)", (unsigned)image->id);
+    (void)snprintf(wanted, sizeof wanted,
+                   "the features of image %u "
+                   "(X Y POINT3D_ID each)",
+                   (unsigned)image->id);
     for (int i = 1; line[strspn(line, blanks)]; i += 3) {
         double uv[2];
         int64_t point;
@@ -159,9 +164,8 @@ bool saga_colmap_text_images(const saga_colmap_job *job, saga_cursor *c)
             n--;
         if (n == 0)
             return bad_word(job, line, 10, head);
-        saga_colmap_image *const image =
-            saga_colmap_add_image(job, (uint32_t)id, pose, (uint32_t)camera,
-                                  line, n);
+        saga_colmap_image *const image = saga_colmap_add_image(
+            job, (uint32_t)id, pose, (uint32_t)camera, line, n);
         if (!image)
             return false;
         /* The second line has the features. It may be empty, and missing at the
@@ -175,8 +179,7 @@ bool saga_colmap_text_images(const saga_colmap_job *job, saga_cursor *c)
 
 bool saga_colmap_text_points(const saga_colmap_job *job, saga_cursor *c)
 {
-    static const char head[] =
-        "a point (POINT3D_ID X Y Z R G B ERROR TRACK)";
+    static const char head[] = "a point (POINT3D_ID X Y Z R G B ERROR TRACK)";
     for (const char *line; (line = next_line(c, true)) != NULL;) {
         int64_t id, image, feature;
         double x[7]; /* position, colour, error */
@@ -187,8 +190,8 @@ bool saga_colmap_text_points(const saga_colmap_job *job, saga_cursor *c)
         uint8_t rgb[3];
         for (int k = 0; k < 3; k++)
             rgb[k] = (uint8_t)fmin(fmax(x[3 + k], 0.0), 255.0);
-        saga_colmap_point *const point =
-            saga_colmap_add_point(job, (uint64_t)id, x, rgb);
+        saga_colmap_point *const point = saga_colmap_add_point(
+            job, (uint64_t)id, x, rgb);
         if (!point)
             return false;
         /* The track is pairs of an image and a feature, to the end of the

@@ -13,8 +13,8 @@
 
 bool saga_colmap_find(char **model, const char *folder, saga_error *error)
 {
-    static const char *const places[] = {"colmap/sparse/0", "sparse/0",
-                                         "colmap", "sparse"};
+    static const char *const places[] = { "colmap/sparse/0", "sparse/0",
+                                          "colmap", "sparse" };
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         *model = saga_path_join(folder, places[i], error);
         if (!*model)
@@ -32,19 +32,19 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
                        const saga_colmap_image *image, const char *folder,
                        saga_error *error)
 {
-    const saga_colmap_camera *const camera =
-        saga_colmap_camera_for(model, image, folder, error);
+    const saga_colmap_camera *const camera = saga_colmap_camera_for(
+        model, image, folder, error);
     if (!camera)
         return false;
     s->lens = camera->lens;
     if (!saga_source_fit(s, camera->width, camera->height))
-        return saga_fail(error, folder,
-                         saga_source_fit_remedy(
-                             s, camera->width, camera->height,
-                             "reconstruct from uncropped frames"),
-                         "camera of %s has %d x %d pixels, its pictures "
-                         "%d x %d", s->name, camera->width, camera->height,
-                         s->width, s->height);
+        return saga_fail(
+            error, folder,
+            saga_source_fit_remedy(s, camera->width, camera->height,
+                                   "reconstruct from uncropped frames"),
+            "camera of %s has %d x %d pixels, its pictures "
+            "%d x %d",
+            s->name, camera->width, camera->height, s->width, s->height);
     memcpy(s->rotation, image->rotation, sizeof s->rotation);
     memcpy(s->translation, image->translation, sizeof s->translation);
     return true;
@@ -59,8 +59,8 @@ static int count_training_views(const saga_listing *listing,
 {
     int n = 0;
     for (size_t t = 0; t < point->count; t++) {
-        const saga_colmap_image *const image =
-            saga_colmap_image_of(model, model->tracks[point->first + t]);
+        const saga_colmap_image *const image = saga_colmap_image_of(
+            model, model->tracks[point->first + t]);
         const int v = image ? view[image - model->images] : -1;
         if (v < 0 || listing->sources[v].held_out || stamp[v] == now)
             continue;
@@ -82,8 +82,8 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
     size_t n_few = 0, n_bad = 0;
     for (size_t k = 0; stamp && listing->points && k < model->n_points; k++) {
         const saga_colmap_point *const p = &model->points[k];
-        const int n =
-            count_training_views(listing, model, view, p, stamp, k + 1);
+        const int n = count_training_views(listing, model, view, p, stamp,
+                                           k + 1);
         const bool finite = isfinite(p->position[0]) &&
                             isfinite(p->position[1]) &&
                             isfinite(p->position[2]);
@@ -101,7 +101,8 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
     free(stamp);
     if (!ok)
         return false;
-    saga_note(listing->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
+    saga_note(listing->notes,
+              "points: %zu of COLMAP's %zu kept, %zu dropped "
               "(seen by fewer than 2 training cameras), %zu not finite",
               listing->n_points, model->n_points, n_few, n_bad);
     return true;
@@ -113,8 +114,8 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
 bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
                          const saga_colmap_image *image, saga_error *error)
 {
-    const saga_colmap_camera *const camera =
-        saga_colmap_camera_of(model, image->camera);
+    const saga_colmap_camera *const camera = saga_colmap_camera_of(
+        model, image->camera);
     if (!camera)
         return true;
     double *const e = saga_alloc(image->count, sizeof *e, image->name, error);
@@ -122,16 +123,15 @@ bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
     for (size_t k = 0; e && k < image->count; k++) {
         const saga_colmap_observation *const o =
             &model->observations[image->first + k];
-        const saga_colmap_point *const p =
-            saga_colmap_point_of(model, o->point);
+        const saga_colmap_point *const p = saga_colmap_point_of(model,
+                                                                o->point);
         double c[3], uv[2];
         if (!p)
             continue;
         for (int i = 0; i < 3; i++)
             c[i] = s->rotation[3 * i] * p->position[0] +
                    s->rotation[3 * i + 1] * p->position[1] +
-                   s->rotation[3 * i + 2] * p->position[2] +
-                   s->translation[i];
+                   s->rotation[3 * i + 2] * p->position[2] + s->translation[i];
         e[n] = 1e9; /* the point is behind the camera */
         if (c[2] > 0.0) {
             saga_lens_project(&s->lens, c[0] / c[2], c[1] / c[2], uv);

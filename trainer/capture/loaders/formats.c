@@ -12,11 +12,15 @@ extern const saga_loader saga_nerfstudio_loader, saga_blender_loader,
 
 /* The most certain signs come first. Frame folders come before the last two,
  * since a COLMAP model may lie beside them. */
-static const saga_loader *const loaders[] = {
-    &saga_nerfstudio_loader, &saga_blender_loader, &saga_panoptic_loader,
-    &saga_calibrated_videos_loader, &saga_neu3d_loader,
-    &saga_frame_folders_loader, &saga_miv_loader, &saga_colmap_loader, NULL
-};
+static const saga_loader *const loaders[] = { &saga_nerfstudio_loader,
+                                              &saga_blender_loader,
+                                              &saga_panoptic_loader,
+                                              &saga_calibrated_videos_loader,
+                                              &saga_neu3d_loader,
+                                              &saga_frame_folders_loader,
+                                              &saga_miv_loader,
+                                              &saga_colmap_loader,
+                                              NULL };
 
 enum { N_LOADERS = sizeof loaders / sizeof loaders[0] - 1 };
 

@@ -125,18 +125,21 @@ static bool add_frames(saga_listing *listing, const saga_finds *folders,
              fill_list(s->depths, folders, &n_depths, error);
     }
     if (ok && n_missing > 0)
-        saga_note(listing->notes, "pictures: %d are missing in the frame "
-                  "folders", n_missing);
+        saga_note(listing->notes,
+                  "pictures: %d are missing in the frame "
+                  "folders",
+                  n_missing);
     if (ok)
-        saga_note(listing->notes, "frames: %zu folders; cameras and points are "
-                  "those of %s", folders->n, folders->items[0].path);
+        saga_note(listing->notes,
+                  "frames: %zu folders; cameras and points are "
+                  "those of %s",
+                  folders->n, folders->items[0].path);
     return ok;
 }
 
 static bool list_folders(saga_listing *listing, const char *path,
                          const saga_finds *folders,
-                         const saga_capture_options *options,
-                         saga_error *error)
+                         const saga_capture_options *options, saga_error *error)
 {
     /* A COLMAP model beside the folders serves all frames. Without one, the
      * first folder is a capture by itself. */
@@ -154,8 +157,10 @@ static bool list_folders(saga_listing *listing, const char *path,
     if (!ok)
         return false;
     if (listing->n_frames != 1 || listing->sources[0].video)
-        return saga_fail(error, first, "give each frame a folder with one "
-                         "picture of each camera", "is the first of %zu frame "
+        return saga_fail(error, first,
+                         "give each frame a folder with one "
+                         "picture of each camera",
+                         "is the first of %zu frame "
                          "folders but holds videos or several frames itself",
                          folders->n);
     return add_frames(listing, folders, error);
@@ -165,7 +170,7 @@ static bool list_folders(saga_listing *listing, const char *path,
  * frames itself. */
 static bool is_there(const char *path, saga_error *error)
 {
-    saga_finds folders = {0};
+    saga_finds folders = { 0 };
     char *const images = saga_path_join(path, "images", error);
     const bool there = images && !saga_path_is_folder(images) &&
                        find_frame_folders(&folders, path, error) &&
@@ -178,7 +183,7 @@ static bool is_there(const char *path, saga_error *error)
 static bool list(saga_listing *listing, const char *path,
                  const saga_capture_options *options, saga_error *error)
 {
-    saga_finds folders = {0};
+    saga_finds folders = { 0 };
     bool ok = find_frame_folders(&folders, path, error);
     if (ok) {
         qsort(folders.items, folders.n, sizeof *folders.items, by_number);

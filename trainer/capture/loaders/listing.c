@@ -50,7 +50,8 @@ void saga_listing_note_turns(saga_listing *listing)
 {
     static const char *const done[2] = {
         "but are used as they are stored, as the calibration's pictures are",
-        "and are turned"};
+        "and are turned"
+    };
     for (int upright = 0; upright < 2; upright++) {
         const saga_source *first = NULL;
         int n = 0;
@@ -62,9 +63,10 @@ void saga_listing_note_turns(saga_listing *listing)
             n++;
         }
         if (n > 0)
-            saga_note(listing->notes, "orientation: the files of %d cameras "
-                      "ask to be shown turned (%s: %s, EXIF %d) %s", n,
-                      first->name, saga_turn_name(first->orientation),
+            saga_note(listing->notes,
+                      "orientation: the files of %d cameras "
+                      "ask to be shown turned (%s: %s, EXIF %d) %s",
+                      n, first->name, saga_turn_name(first->orientation),
                       first->orientation, done[upright]);
     }
 }
@@ -98,7 +100,7 @@ void saga_listing_free(saga_listing *listing)
     free(listing->sources);
     free(listing->points);
     free(listing->missing);
-    *listing = (saga_listing){0};
+    *listing = (saga_listing){ 0 };
 }
 
 void saga_listing_miss(saga_listing *listing, char *path)
@@ -183,16 +185,19 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
         return path;
     free(path);
     if (!saga_failed(error))
-        saga_fail(error, file, "copy it there, or give --follow-paths if this "
-                  "capture may read any file", "names \"%.200s\", which "
-                  "is not in the capture's folder", name);
+        saga_fail(error, file,
+                  "copy it there, or give --follow-paths if this "
+                  "capture may read any file",
+                  "names \"%.200s\", which "
+                  "is not in the capture's folder",
+                  name);
     return NULL;
 }
 
 /* ----------------------------------------------------------------- loaders */
 
 /* Writes the first names in a folder in one line, for messages. */
-static bool tell_found(char *text, size_t n, const char *folder,
+static bool list_found(char *text, size_t n, const char *folder,
                        saga_error *error)
 {
     enum { MOST = 5 };
@@ -214,16 +219,19 @@ static bool unknown_format(const saga_listing *listing, const char *path,
     char looked[400], found[300];
     size_t n = (size_t)snprintf(looked, sizeof looked, "looked for ");
     if (!saga_path_is_folder(path))
-        return saga_fail(error, path, "give the folder of a capture, or its "
-                         "transforms.json", "does not exist or is neither a "
+        return saga_fail(error, path,
+                         "give the folder of a capture, or its "
+                         "transforms.json",
+                         "does not exist or is neither a "
                          "folder nor a .json file");
     for (const saga_loader *const *l = listing->loaders;
          *l && n < sizeof looked; l++)
-        n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s",
-                              (*l)->sign, l[1] ? ", "
-                              : "; `saga help check` lists the layouts");
-    return tell_found(found, sizeof found, path, error) &&
-           saga_fail(error, path, looked, "holds no capture of a known format "
+        n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s", (*l)->sign,
+                              l[1] ? ", "
+                                   : "; `saga help check` lists the layouts");
+    return list_found(found, sizeof found, path, error) &&
+           saga_fail(error, path, looked,
+                     "holds no capture of a known format "
                      "(docs/from-cameras.md explains how to make one), but %s",
                      found);
 }
@@ -255,8 +263,8 @@ static void list_names(const saga_listing *listing, char *text, size_t n)
     size_t used = 0;
     text[0] = '\0';
     for (int i = 0; i < listing->n_sources && used + 8 < n; i++)
-        used += (size_t)snprintf(text + used, n - used, "%s%.40s",
-                                 i ? "," : "", listing->sources[i].name);
+        used += (size_t)snprintf(text + used, n - used, "%s%.40s", i ? "," : "",
+                                 listing->sources[i].name);
 }
 
 /* Returns the source with a name, which is shortened as sources' names are, or
@@ -303,9 +311,10 @@ bool saga_listing_hold_out(saga_listing *listing, const char *names,
     for (int i = 0; i < listing->n_sources; i++)
         if (!listing->sources[i].held_out)
             return true;
-    return saga_fail(error, listing->path, "use --hold-out to keep some for "
-                     "training", "all %d cameras are held out",
-                     listing->n_sources);
+    return saga_fail(error, listing->path,
+                     "use --hold-out to keep some for "
+                     "training",
+                     "all %d cameras are held out", listing->n_sources);
 }
 
 /* Finds the first source, *b, that has no name, *a = *b, or the name of an
@@ -356,10 +365,11 @@ static void judge_lenses(saga_listing *listing)
         n++;
     }
     if (n > 0)
-        saga_note(listing->notes, "warning: the focal lengths along x and y "
+        saga_note(listing->notes,
+                  "warning: the focal lengths along x and y "
                   "of %d camera%s are more than 5 %% apart (%s: %.5g and %.5g "
-                  "pixels); is one of them in a wrong place?", n,
-                  n == 1 ? "" : "s", first->name, first->lens.fx,
+                  "pixels); is one of them in a wrong place?",
+                  n, n == 1 ? "" : "s", first->name, first->lens.fx,
                   first->lens.fy);
 }
 
@@ -381,7 +391,8 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
                              int *kept_as, saga_error *error)
 {
     static const saga_note_kind absent = {
-        "pictures: without any, and left out: ", ""};
+        "pictures: without any, and left out: ", ""
+    };
     int n = 0;
     for (int i = 0; i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
@@ -398,11 +409,14 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
     }
     const int n_before = listing->n_sources;
     listing->n_sources = n;
-    return n > 0 || saga_fail(error, listing->path, "copy the pictures beside "
-                              "the cameras", "none of its %d cameras has a "
-                              "picture%s%.300s", n_before,
-                              listing->missing ? "; the first would be " : "",
-                              listing->missing ? listing->missing : "");
+    return n > 0 ||
+           saga_fail(error, listing->path,
+                     "copy the pictures beside "
+                     "the cameras",
+                     "none of its %d cameras has a "
+                     "picture%s%.300s",
+                     n_before, listing->missing ? "; the first would be " : "",
+                     listing->missing ? listing->missing : "");
 }
 
 const char *saga_source_picture(const saga_source *source)
@@ -415,7 +429,7 @@ const char *saga_source_picture(const saga_source *source)
 
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
 {
-    char first[sizeof ((saga_picture_look *)NULL)->ignored] = "";
+    char first[sizeof((saga_picture_look *)NULL)->ignored] = "";
     const char *path = NULL;
     int n = 0;
     for (int i = 0; i < listing->n_sources; i++) {
@@ -433,8 +447,10 @@ bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
         }
     }
     if (n > 0)
-        saga_note(listing->notes, "warning: the pictures of %d cameras have "
-                  "%s, which is ignored (%.200s)", n, first, path);
+        saga_note(listing->notes,
+                  "warning: the pictures of %d cameras have "
+                  "%s, which is ignored (%.200s)",
+                  n, first, path);
     return true;
 }
 
@@ -450,9 +466,12 @@ static bool take_late(const saga_listing *l, const char **text, double *late,
     const saga_source *const s = find_source(l, *text, n);
     /* The number must reach exactly to the comma or the end. */
     if (n >= all || end != *text + all || !(fabs(frames) <= SAGA_MAX_FRAMES))
-        return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
-                         "between", "--late \"%.60s\" is not a camera with a "
-                         "number of frames", *text);
+        return saga_fail(error, l->path,
+                         "give NAME=FRAMES, with commas "
+                         "between",
+                         "--late \"%.60s\" is not a camera with a "
+                         "number of frames",
+                         *text);
     if (!s) {
         char names[160];
         list_names(l, names, sizeof names);
@@ -484,8 +503,8 @@ bool saga_listing_late(saga_listing *listing, const char *text,
         any = any || l->sources[i].behind > 0.0;
     if (!any)
         return true;
-    double *const late =
-        saga_calloc((size_t)l->n_sources, sizeof *late, l->path, error);
+    double *const late = saga_calloc((size_t)l->n_sources, sizeof *late,
+                                     l->path, error);
     double least = INFINITY;
     int most = 0;
     bool ok = late != NULL;
@@ -512,8 +531,10 @@ bool saga_listing_late(saga_listing *listing, const char *text,
             n = s->n_moments - s->skip;
     }
     if (ok && n < 1)
-        ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
-                       "none of %d frames", l->n_frames);
+        ok = saga_fail(error, l->path, "give smaller numbers",
+                       "--late leaves "
+                       "none of %d frames",
+                       l->n_frames);
     /* Videos are not cut here; their reader skips these frames. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];

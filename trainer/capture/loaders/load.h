@@ -14,52 +14,52 @@
 
 typedef struct saga_source {
     char name[SAGA_NAME_NBYTES];
-    int width, height;        /* size of the files' pictures, after turning */
-    int orientation;          /* how the files ask to be shown
-                               * (picture_turn.h), */
-    bool upright;             /* and whether they are */
-    saga_lens lens;           /* the lens at this size */
+    int width, height; /* size of the files' pictures, after turning */
+    int orientation;   /* how the files ask to be shown
+                        * (picture_turn.h), */
+    bool upright;      /* and whether they are */
+    saga_lens lens;    /* the lens at this size */
     double rotation[9], translation[3];
     double near_depth, far_depth;
-    bool held_out;            /* held out by the format */
+    bool held_out; /* held out by the format */
     int n_observations;
     double reprojection_median, reprojection_p90;
 
-    char *video;              /* path of the video; NULL: pictures */
-    char **pictures;          /* (n_frames) paths; NULL: the picture is
-                               * missing */
-    char **depths;            /* (n_frames) paths or NULL; NULL: no depths */
-    char **masks;             /* (n_frames) paths or NULL; NULL: no masks */
-    saga_video_info info;     /* properties of the video, owned */
-    int *frames;              /* (n_moments) the video's frame at each moment
-                               * since its first frame, -1: none; NULL: the
-                               * frame of that number */
+    char *video;          /* path of the video; NULL: pictures */
+    char **pictures;      /* (n_frames) paths; NULL: the picture is
+                           * missing */
+    char **depths;        /* (n_frames) paths or NULL; NULL: no depths */
+    char **masks;         /* (n_frames) paths or NULL; NULL: no masks */
+    saga_video_info info; /* properties of the video, owned */
+    int *frames;          /* (n_moments) the video's frame at each moment
+                           * since its first frame, -1: none; NULL: the
+                           * frame of that number */
     int n_moments;
-    double behind;            /* frames by which it began before the last video
-                               * that began, by time stamps */
-    int skip;                 /* number of moments before the first that is
-                               * used */
-    double late;              /* delay of the first frame that is used, in
-                               * frames, 0 to 1 */
+    double behind; /* frames by which it began before the last video
+                    * that began, by time stamps */
+    int skip;      /* number of moments before the first that is
+                    * used */
+    double late;   /* delay of the first frame that is used, in
+                    * frames, 0 to 1 */
 } saga_source;
 
 typedef struct saga_listing {
     const char *format;
-    const char *path;         /* the capture's folder or file */
-    bool follow_paths;        /* files outside the capture's folder may be
-                               * read */
+    const char *path;  /* the capture's folder or file */
+    bool follow_paths; /* files outside the capture's folder may be
+                        * read */
     const struct saga_loader *const *loaders; /* all loaders, then NULL */
-    saga_source *sources;     /* (n_sources) */
-    int n_sources, n_frames;  /* number of frames of the whole capture */
-    bool moves;               /* one camera moves, with a source for each
-                               * picture */
-    bool opengl;              /* poses had OpenGL's axes in the file */
-    double fps;               /* 0: unknown */
-    double metres;            /* metres per unit of length; 0: unknown */
+    saga_source *sources;                     /* (n_sources) */
+    int n_sources, n_frames; /* number of frames of the whole capture */
+    bool moves;              /* one camera moves, with a source for each
+                              * picture */
+    bool opengl;             /* poses had OpenGL's axes in the file */
+    double fps;              /* 0: unknown */
+    double metres;           /* metres per unit of length; 0: unknown */
     saga_point *points;
     size_t n_points;
-    char *missing;            /* path of the first picture that is missing, or
-                               * NULL */
+    char *missing; /* path of the first picture that is missing, or
+                    * NULL */
     char notes[SAGA_NOTES_NBYTES];
 } saga_listing;
 
@@ -133,10 +133,10 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
 /* A loader reads captures of one layout. Each is defined at the end of its own
  * file; formats.c has the table of all. */
 typedef struct saga_loader {
-    const char *name;         /* name of the layout, in reports, help and
-                               * README */
-    const char *sign;         /* what identifies the layout, for messages */
-    const char *layout;       /* its files, for help and README */
+    const char *name;   /* name of the layout, in reports, help and
+                         * README */
+    const char *sign;   /* what identifies the layout, for messages */
+    const char *layout; /* its files, for help and README */
 
     /* Tells whether a path, mostly of a folder, has this layout. It opens no
      * picture. Returns false with *error set if memory is short. */

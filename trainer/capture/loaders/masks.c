@@ -40,8 +40,7 @@ static char *find_mask(const char *root, size_t n, const char *name,
 
 /* Returns the mask of a picture, or NULL; n is the length of the capture's
  * folder in its path. */
-static char *mask_of(const char *picture, size_t n, bool *ok,
-                     saga_error *error)
+static char *mask_of(const char *picture, size_t n, bool *ok, saga_error *error)
 {
     static const char images[] = "/images/";
     const char *name = picture + n + 1, *at = picture + n;
@@ -54,8 +53,8 @@ static char *mask_of(const char *picture, size_t n, bool *ok,
     const size_t whole = strlen(name);
     const char *const dot = strrchr(name, '.');
     char *const mask = find_mask(picture, n, name,
-                                 dot ? (size_t)(dot - name) : whole, ".png",
-                                 ok, error);
+                                 dot ? (size_t)(dot - name) : whole, ".png", ok,
+                                 error);
     return mask || !*ok ? mask
                         : find_mask(picture, n, name, whole, ".png", ok, error);
 }
@@ -69,8 +68,8 @@ static bool make_room(saga_source *s, int n, saga_error *error)
 
 /* Sets the masks of a source that the format did not give, and adds the number
  * of all its masks to *n_found. */
-static bool find_masks(const saga_listing *l, saga_source *s,
-                       const char *root, int *n_found, saga_error *error)
+static bool find_masks(const saga_listing *l, saga_source *s, const char *root,
+                       int *n_found, saga_error *error)
 {
     const size_t n_root = strlen(root);
     bool ok;
@@ -118,9 +117,10 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
     for (int i = 0; ok && i < listing->n_sources; i++)
         ok = find_masks(listing, &listing->sources[i], root, &n, error);
     if (ok && n > 0)
-        saga_note(listing->notes, "masks: %d of %d pictures have one; pixels "
-                  "that are not white are ignored", n,
-                  listing->n_sources * listing->n_frames);
+        saga_note(listing->notes,
+                  "masks: %d of %d pictures have one; pixels "
+                  "that are not white are ignored",
+                  n, listing->n_sources * listing->n_frames);
     free(root);
     return ok;
 }

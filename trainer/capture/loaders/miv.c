@@ -37,10 +37,10 @@
 typedef struct miv_reader {
     saga_listing *listing;
     const char *folder;
-    char *path;               /* path of the JSON */
+    char *path; /* path of the JSON */
     json_t *root;
     double fps;
-    int frame;                /* the first wanted frame */
+    int frame; /* the first wanted frame */
     int n_left_out, n_depths;
     saga_error *error;
 } miv_reader;
@@ -51,9 +51,9 @@ typedef struct miv_camera {
     const char *name;
     char *video;
     saga_video_info info;
-    char *depth;              /* or NULL */
+    char *depth; /* or NULL */
     int depth_width, depth_height, depth_bits;
-    double matrix[9];         /* camera to scene */
+    double matrix[9]; /* camera to scene */
     double centre[3];
 } miv_camera;
 
@@ -69,7 +69,8 @@ static bool get_numbers(const miv_reader *r, const miv_camera *c,
         if (!json_is_number(x))
             return saga_fail(r->error, r->path, "correct the camera",
                              "\"%s\" of camera %s is missing or not %d "
-                             "numbers", key, c->name, n);
+                             "numbers",
+                             key, c->name, n);
         to[i] = json_number_value(x);
     }
     return true;
@@ -98,12 +99,15 @@ static bool get_pose(const miv_reader *r, miv_camera *c)
     const double cp = cos(angle[1] * DEGREE), sp = sin(angle[1] * DEGREE);
     const double cr = cos(angle[2] * DEGREE), sr = sin(angle[2] * DEGREE);
     /* Rz(yaw) Ry(pitch) Rx(roll) multiplied out, row by row. */
-    const double m[9] = {cy * cp, cy * sp * sr - sy * cr,
-                         cy * sp * cr + sy * sr,
-                         sy * cp, sy * sp * sr + cy * cr,
-                         sy * sp * cr - cy * sr,
-                         -sp,     cp * sr,
-                         cp * cr};
+    const double m[9] = { cy * cp,
+                          cy * sp * sr - sy * cr,
+                          cy * sp * cr + sy * sr,
+                          sy * cp,
+                          sy * sp * sr + cy * cr,
+                          sy * sp * cr - cy * sr,
+                          -sp,
+                          cp * sr,
+                          cp * cr };
     memcpy(c->matrix, m, sizeof m);
     return true;
 }
@@ -117,7 +121,8 @@ static bool parse_texture(const char *s, saga_video_info *info)
     char format[24];
     int used = 0;
     if (sscanf(s, "%5dx%5d_%23[a-z0-9]%n", &info->width, &info->height, format,
-               &used) != 3 || strcmp(s + used, ".yuv") != 0)
+               &used) != 3 ||
+        strcmp(s + used, ".yuv") != 0)
         return false;
     info->raw = strcmp(format, "yuv420p10le") == 0 ? "yuv420p10le"
                 : strcmp(format, "yuv420p") == 0   ? "yuv420p"
@@ -132,7 +137,8 @@ static bool parse_depth(const char *s, miv_camera *c)
     char format[24];
     int used = 0;
     if (sscanf(s, "%5dx%5d_%23[a-z0-9]%n", &c->depth_width, &c->depth_height,
-               format, &used) != 3 || strcmp(s + used, ".yuv") != 0)
+               format, &used) != 3 ||
+        strcmp(s + used, ".yuv") != 0)
         return false;
     c->depth_bits = strcmp(format, "yuv420p16le") == 0   ? 16
                     : strcmp(format, "yuv420p10le") == 0 ? 10
@@ -168,10 +174,12 @@ static bool find_files(const miv_reader *r, miv_camera *c)
         ok = !to || *to;
     }
     saga_names_free(&names);
-    return c->video || !ok ? ok :
-           saga_fail(r->error, r->folder, "name it NAME_texture_WxH_"
-                     "yuv420p10le.yuv or NAME_texture_WxH_yuv420p.yuv",
-                     "has no texture of camera %s", c->name);
+    return c->video || !ok
+               ? ok
+               : saga_fail(r->error, r->folder,
+                           "name it NAME_texture_WxH_"
+                           "yuv420p10le.yuv or NAME_texture_WxH_yuv420p.yuv",
+                           "has no texture of camera %s", c->name);
 }
 
 /* Checks a texture's size. The number of frames follows from the size of the
@@ -185,8 +193,8 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
     if (size[0] != c->info.width || size[1] != c->info.height)
         return saga_fail(r->error, c->video, "correct the name or the JSON",
                          "has %d x %d pixels by its name, but %g x %g by "
-                         "\"Resolution\"", c->info.width, c->info.height,
-                         size[0], size[1]);
+                         "\"Resolution\"",
+                         c->info.width, c->info.height, size[0], size[1]);
     if (!saga_check_size(c->video, c->info.width, c->info.height, r->error))
         return false;
     if (c->info.width % 2 || c->info.height % 2)
@@ -198,10 +206,11 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
                             (strcmp(c->info.raw, "yuv420p") == 0 ? 1 : 2);
     const long long n = stat(c->video, &st) == 0 ? (long long)st.st_size : 0;
     if (n < frame || n % frame != 0 || n / frame > SAGA_MAX_FRAMES)
-        return saga_fail(r->error, c->video, "copy it again", "has %lld "
+        return saga_fail(r->error, c->video, "copy it again",
+                         "has %lld "
                          "bytes, which is not 1 to %d frames of %lld bytes "
-                         "each", n,
-                         SAGA_MAX_FRAMES, frame);
+                         "each",
+                         n, SAGA_MAX_FRAMES, frame);
     c->info.n_frames = (int)(n / frame);
     c->info.fps = r->fps;
     (void)snprintf(c->info.matrix, sizeof c->info.matrix, "bt709");
@@ -218,8 +227,8 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
 {
     saga_listing *const l = r->listing;
     double world[3][3];
-    saga_source *const more = saga_realloc(
-        l->sources, (size_t)l->n_sources + 1, sizeof *more, r->path, r->error);
+    saga_source *const more = saga_realloc(l->sources, (size_t)l->n_sources + 1,
+                                           sizeof *more, r->path, r->error);
     if (!more)
         return NULL;
     l->sources = more;
@@ -228,8 +237,9 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
     /* The name is cut rather than the suffix, so that names of faces differ. */
     saga_utf8_copy(begin, sizeof begin, c->name, strlen(c->name));
     (void)snprintf(name, sizeof name, "%s%s", begin, suffix);
-    *s = (saga_source){.width = c->info.width, .height = c->info.height,
-                       .info = c->info};
+    *s = (saga_source){ .width = c->info.width,
+                        .height = c->info.height,
+                        .info = c->info };
     s->video = saga_string_copy(c->video, r->error);
     if (!s->video)
         return NULL;
@@ -243,8 +253,10 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
                           c->matrix[3 * i + 2] * axes[a][2];
     if (!saga_pose_from_axes(world[0], world[1], world[2], c->centre,
                              s->rotation, s->translation)) {
-        saga_fail(r->error, r->path, "correct the camera", "\"Rotation\" or "
-                  "\"Position\" of camera %s is not finite", c->name);
+        saga_fail(r->error, r->path, "correct the camera",
+                  "\"Rotation\" or "
+                  "\"Position\" of camera %s is not finite",
+                  c->name);
         return NULL;
     }
     return s;
@@ -259,13 +271,17 @@ static bool get_depth_range(const miv_reader *r, const miv_camera *c,
     range[0] = json_number_value(json_array_get(a, 0));
     range[1] = json_is_string(far) ? INFINITY : json_number_value(far);
     return (range[0] > 0.0 && range[1] > range[0]) ||
-           saga_fail(r->error, r->path, "correct the camera", "\"Depth_range\" "
-                     "of camera %s is not a range of depths above 0", c->name);
+           saga_fail(r->error, r->path, "correct the camera",
+                     "\"Depth_range\" "
+                     "of camera %s is not a range of depths above 0",
+                     c->name);
 }
 
 static bool add_perspective(const miv_reader *r, const miv_camera *c)
 {
-    static const double axes[3][3] = {{0, -1, 0}, {0, 0, -1}, {1, 0, 0}};
+    static const double axes[3][3] = { { 0, -1, 0 },
+                                       { 0, 0, -1 },
+                                       { 1, 0, 0 } };
     double f[2], p[2], range[2];
     if (!get_numbers(r, c, "Focal", 2, f) ||
         !get_numbers(r, c, "Principle_point", 2, p))
@@ -275,7 +291,7 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
     saga_source *const s = add_source(r, c, axes, "");
     if (!s)
         return false;
-    s->lens = (saga_lens){.fx = f[0], .fy = f[1], .cx = p[0], .cy = p[1]};
+    s->lens = (saga_lens){ .fx = f[0], .fy = f[1], .cx = p[0], .cy = p[1] };
     if (!json_object_get(c->json, "Depth_range"))
         return true;
     if (!get_depth_range(r, c, range))
@@ -297,8 +313,9 @@ static bool add_face(const miv_reader *r, const miv_camera *c,
     const double cy = cos(yaw), sy = sin(yaw), cp = cos(pitch), sp = sin(pitch);
     /* The axes are right, down and forward, which are -y, -z and x of the
      * camera if yaw and pitch are 0. */
-    const double axes[3][3] = {
-        {sy, -cy, 0.0}, {cy * sp, sy * sp, -cp}, {cy * cp, sy * cp, sp}};
+    const double axes[3][3] = { { sy, -cy, 0.0 },
+                                { cy * sp, sy * sp, -cp },
+                                { cy * cp, sy * cp, sp } };
     saga_source *const s = add_source(r, c, axes, suffix);
     if (!s)
         return false;
@@ -322,11 +339,12 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
         return false;
     const double wide = h[1] - h[0], high = v[1] - v[0];
     if (!(wide >= 90.0 && wide <= 360.0 && high >= 90.0 && high <= 180.0))
-        return saga_fail(r->error, r->path, "give degrees", "\"Hor_range\" %g "
+        return saga_fail(r->error, r->path, "give degrees",
+                         "\"Hor_range\" %g "
                          "to %g, \"Ver_range\" %g to %g of camera %s are no "
-                         "ranges of 90 to 360 and 90 to 180", h[0], h[1], v[0],
-                         v[1], c->name);
-    saga_lens lens = {.equirect = true};
+                         "ranges of 90 to 360 and 90 to 180",
+                         h[0], h[1], v[0], v[1], c->name);
+    saga_lens lens = { .equirect = true };
     lens.fx = c->info.width / (wide * DEGREE);
     lens.fy = c->info.height / (high * DEGREE);
     /* Longitude grows to the left and latitude upwards. The left side is at
@@ -339,8 +357,8 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
     for (int i = 0; i < n; i++) {
         const double yaw = (h[0] + h[1]) / 2.0 + 90.0 * ((n - 1) / 2.0 - i);
         (void)snprintf(suffix, sizeof suffix, "_%d", i);
-        if (!add_face(r, c, &lens, yaw * DEGREE,
-                      (v[0] + v[1]) / 2.0 * DEGREE, suffix))
+        if (!add_face(r, c, &lens, yaw * DEGREE, (v[0] + v[1]) / 2.0 * DEGREE,
+                      suffix))
             return false;
     }
     return wide < 360.0 || high < 180.0 ||
@@ -359,8 +377,8 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
             !get_numbers(r, c, "Principle_point", 2, v))
             return false;
         /* Slopes are (cx - u) / fx to the left and (cy - v) / fy upwards. */
-        const double a[4] = {v[0] / h[0], -1.0 / h[0], v[1] / h[1],
-                             -1.0 / h[1]};
+        const double a[4] = { v[0] / h[0], -1.0 / h[0], v[1] / h[1],
+                              -1.0 / h[1] };
         memcpy(d->a, a, sizeof a);
     } else if (d->kind == SAGA_MIV_EQUIRECT) {
         if (!get_numbers(r, c, "Hor_range", 2, h) ||
@@ -368,19 +386,20 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
             return false;
         /* Longitude runs from h[1] at the left side to h[0] at the right,
          * latitude from v[1] at the top to v[0] at the bottom. */
-        const double a[4] = {h[1] * DEGREE, (h[0] - h[1]) * DEGREE / w,
-                             v[1] * DEGREE, (v[0] - v[1]) * DEGREE / high};
+        const double a[4] = { h[1] * DEGREE, (h[0] - h[1]) * DEGREE / w,
+                              v[1] * DEGREE, (v[0] - v[1]) * DEGREE / high };
         memcpy(d->a, a, sizeof a);
     } else {
-        const double ow =
-            json_number_value(json_object_get(c->json, "OrthoWidth"));
-        const double oh =
-            json_number_value(json_object_get(c->json, "OrthoHeight"));
+        const double ow = json_number_value(
+            json_object_get(c->json, "OrthoWidth"));
+        const double oh = json_number_value(
+            json_object_get(c->json, "OrthoHeight"));
         if (!(ow > 0.0 && oh > 0.0))
             return saga_fail(r->error, r->path, "correct the camera",
                              "\"OrthoWidth\" or \"OrthoHeight\" of camera %s "
-                             "is not above 0", c->name);
-        const double a[4] = {-ow / 2.0, ow / w, -oh / 2.0, oh / high};
+                             "is not above 0",
+                             c->name);
+        const double a[4] = { -ow / 2.0, ow / w, -oh / 2.0, oh / high };
         memcpy(d->a, a, sizeof a);
     }
     return true;
@@ -393,18 +412,24 @@ static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
 {
     const json_t *const cameras = json_object_get(r->root, "cameras");
     saga_miv_depth d = {
-        .texture = c->video, .depth = c->depth, .width = c->info.width,
-        .height = c->info.height, .depth_bits = c->depth_bits,
+        .texture = c->video,
+        .depth = c->depth,
+        .width = c->info.width,
+        .height = c->info.height,
+        .depth_bits = c->depth_bits,
         .texture_bits = strcmp(c->info.raw, "yuv420p") == 0 ? 8 : 10,
-        .kind = (unsigned)kind, .has_invalid = json_is_true(
-            json_object_get(c->json, "HasInvalidDepth"))};
+        .kind = (unsigned)kind,
+        .has_invalid = json_is_true(json_object_get(c->json, "HasInvalidDepth"))
+    };
     double range[2];
     if (!c->depth)
         return true;
     if (c->depth_width != d.width || c->depth_height != d.height)
-        return saga_fail(r->error, c->depth, "export it at the size of its "
-                         "texture", "has %d x %d pixels, not %d x %d",
-                         c->depth_width, c->depth_height, d.width, d.height);
+        return saga_fail(r->error, c->depth,
+                         "export it at the size of its "
+                         "texture",
+                         "has %d x %d pixels, not %d x %d", c->depth_width,
+                         c->depth_height, d.width, d.height);
     if (!get_depth_range(r, c, range) || !get_directions(r, c, &d))
         return false;
     d.near = range[0];
@@ -416,14 +441,15 @@ static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
     r->n_depths++;
     /* Each camera of the file has an equal share of the points, even if it is
      * no source. */
-    return saga_miv_take_points(r->listing, &d, (int)(MOST_POINTS /
-                                json_array_size(cameras)) + 1, r->error);
+    return saga_miv_take_points(
+        r->listing, &d, (int)(MOST_POINTS / json_array_size(cameras)) + 1,
+        r->error);
 }
 
 static bool add_camera(miv_reader *r, miv_camera *c)
 {
-    const char *const projection =
-        json_string_value(json_object_get(c->json, "Projection"));
+    const char *const projection = json_string_value(
+        json_object_get(c->json, "Projection"));
     /* A camera becomes at most six sources: four faces around, one up, one
      * down. */
     if (r->listing->n_sources > SAGA_MAX_VIEWS - 8)
@@ -439,10 +465,12 @@ static bool add_camera(miv_reader *r, miv_camera *c)
         r->n_left_out++;
         return add_depth(r, c, SAGA_MIV_ORTHO);
     }
-    return saga_fail(r->error, r->path, "render it as Perspective or "
-                     "Equirectangular", "\"Projection\" of camera %s is %s, "
-                     "which is not supported", c->name,
-                     projection ? projection : "missing");
+    return saga_fail(r->error, r->path,
+                     "render it as Perspective or "
+                     "Equirectangular",
+                     "\"Projection\" of camera %s is %s, "
+                     "which is not supported",
+                     c->name, projection ? projection : "missing");
 }
 
 static bool add_cameras(miv_reader *r)
@@ -455,11 +483,13 @@ static bool add_cameras(miv_reader *r)
         r->listing->metres = 1.0;
     /* Cameras that are no sources are skipped. */
     for (size_t i = 0; ok && i < json_array_size(cameras); i++) {
-        miv_camera c = {.json = json_array_get(cameras, i)};
+        miv_camera c = { .json = json_array_get(cameras, i) };
         c.name = json_string_value(json_object_get(c.json, "Name"));
         if (!c.name)
-            ok = saga_fail(r->error, r->path, "name it", "\"Name\" of "
-                           "cameras[%zu] is missing or not a string", i);
+            ok = saga_fail(r->error, r->path, "name it",
+                           "\"Name\" of "
+                           "cameras[%zu] is missing or not a string",
+                           i);
         else if (is_source(r, c.name))
             ok = add_camera(r, &c);
         free(c.video);
@@ -482,7 +512,7 @@ static bool is_json(const char *name)
  * or no video without a header beside it. The caller frees it. */
 static char *find_json(const char *folder, saga_error *error)
 {
-    saga_names raw, json = {0};
+    saga_names raw, json = { 0 };
     char *path = NULL;
     if (saga_folder_list(&raw, folder, is_raw, error) && raw.n > 0 &&
         saga_folder_list(&json, folder, is_json, error) && json.n > 0)
@@ -502,8 +532,10 @@ static bool is_there(const char *folder, saga_error *error)
 static bool list(saga_listing *listing, const char *folder,
                  const saga_capture_options *options, saga_error *error)
 {
-    miv_reader r = {.listing = listing, .folder = folder, .error = error,
-                    .frame = options->first_frame};
+    miv_reader r = { .listing = listing,
+                     .folder = folder,
+                     .error = error,
+                     .frame = options->first_frame };
     char *const json = find_json(folder, error);
     r.path = json;
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
@@ -512,14 +544,15 @@ static bool list(saga_listing *listing, const char *folder,
     bool ok = r.root && add_cameras(&r) &&
               saga_listing_check_names(listing, r.path, error) &&
               saga_listing_match_videos(listing, options, error) &&
-         saga_listing_hold_out(listing, options->hold_out, error);
+              saga_listing_hold_out(listing, options->hold_out, error);
     if (ok)
-        saga_note(listing->notes, "colour: YUV is assumed to be BT.709 with "
+        saga_note(listing->notes,
+                  "colour: YUV is assumed to be BT.709 with "
                   "limited range; points: %zu from the depth of %d views",
-                  listing->n_points,
-                  r.n_depths);
+                  listing->n_points, r.n_depths);
     if (ok && r.n_left_out > 0)
-        saga_note(listing->notes, "cameras: of %d orthographic ones only the "
+        saga_note(listing->notes,
+                  "cameras: of %d orthographic ones only the "
                   "depth is used",
                   r.n_left_out);
     json_decref(r.root);

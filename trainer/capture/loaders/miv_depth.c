@@ -54,7 +54,7 @@ static void set_position(saga_point *p, const saga_miv_depth *d, double u,
 {
     const double s = d->a[0] + d->a[1] * u, t = d->a[2] + d->a[3] * v;
     /* For a pinhole, z is the depth along the axis, and s and t are slopes. */
-    double x[3] = {z, z * s, z * t};
+    double x[3] = { z, z * s, z * t };
     /* For an equirectangular view, z is the distance from the centre, and s and
      * t are angles. */
     if (d->kind == SAGA_MIV_EQUIRECT) {
@@ -83,7 +83,7 @@ static double depth_of(const saga_miv_depth *d, int code)
 
 typedef struct rows {
     FILE *texture, *depth;
-    uint16_t *z, *y, *u, *v;     /* samples of one row */
+    uint16_t *z, *y, *u, *v; /* samples of one row */
 } rows;
 
 static bool read_row(rows *r, const saga_miv_depth *d, int y)
@@ -106,16 +106,19 @@ static bool add_points(saga_listing *l, rows *r, const saga_miv_depth *d,
 {
     for (int y = step / 2; y < d->height; y += step) {
         /* There is room for a point per pixel of the row; fewer are added. */
-        saga_point *const more =
-            saga_realloc(l->points, l->n_points + (size_t)d->width,
-                         sizeof *more, d->depth, error);
+        saga_point *const more = saga_realloc(l->points,
+                                              l->n_points + (size_t)d->width,
+                                              sizeof *more, d->depth, error);
         if (!more)
             return false;
         l->points = more;
         if (!read_row(r, d, y))
-            return saga_fail(error, d->depth, "copy it again, with as many "
-                             "frames as its texture has", "ends before row %d "
-                             "of frame %d, or its texture does", y, d->frame);
+            return saga_fail(error, d->depth,
+                             "copy it again, with as many "
+                             "frames as its texture has",
+                             "ends before row %d "
+                             "of frame %d, or its texture does",
+                             y, d->frame);
         for (int x = step / 2; x < d->width; x += step) {
             const double z = depth_of(d, r->z[x]);
             saga_point *const p = &l->points[l->n_points];
@@ -129,16 +132,20 @@ static bool add_points(saga_listing *l, rows *r, const saga_miv_depth *d,
     return true;
 }
 
-bool saga_miv_take_points(saga_listing *listing, const saga_miv_depth *d,
-                          int n, saga_error *error)
+bool saga_miv_take_points(saga_listing *listing, const saga_miv_depth *d, int n,
+                          saga_error *error)
 {
     const size_t w = (size_t)d->width;
     const double pixels = (double)d->width * d->height;
     /* One point for each square of step x step pixels gives about n points. */
     const int step = (int)ceil(sqrt(pixels / n));
     uint16_t *const room = saga_alloc(4 * w, sizeof *room, d->depth, error);
-    rows r = {saga_open_file(d->texture), saga_open_file(d->depth), room,
-              room + w, room + 2 * w, room + 3 * w};
+    rows r = { saga_open_file(d->texture),
+               saga_open_file(d->depth),
+               room,
+               room + w,
+               room + 2 * w,
+               room + 3 * w };
     bool ok = room != NULL;
     if (ok && (!r.texture || !r.depth))
         ok = saga_fail_errno(error, r.texture ? d->depth : d->texture,

@@ -14,9 +14,9 @@ typedef struct saga_miv_depth {
     const char *texture, *depth; /* paths of raw files */
     int width, height;
     int texture_bits, depth_bits; /* 8 or 10; 10 or 16 */
-    int frame;                   /* the frame, in both files */
-    double near, far;            /* far may be infinite */
-    bool has_invalid;            /* code 0 is no depth */
+    int frame;                    /* the frame, in both files */
+    double near, far;             /* far may be infinite */
+    bool has_invalid;             /* code 0 is no depth */
     /* The direction of pixel (u, v) in camera axes (x forward, y left, z up),
      * as a[0] + a[1] u and a[2] + a[3] v. These are angles in an
      * equirectangular view, positions in an orthographic view, and slopes in a

@@ -35,16 +35,16 @@ static bool ends_with(const char *name, const char *const *endings, size_t n)
 
 bool saga_is_picture_name(const char *name)
 {
-    static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
-                                          ".tif", ".tiff", ".exr"};
+    static const char *const endings[] = { ".png", ".jpg",  ".jpeg", ".webp",
+                                           ".tif", ".tiff", ".exr" };
     return ends_with(name, endings, sizeof endings / sizeof *endings);
 }
 
 bool saga_is_video_name(const char *name)
 {
-    static const char *const endings[] = {".mp4", ".mov", ".m4v", ".mkv",
-                                          ".webm", ".avi", ".ts", ".mts",
-                                          ".m2ts"};
+    static const char *const endings[] = { ".mp4", ".mov",  ".m4v",
+                                           ".mkv", ".webm", ".avi",
+                                           ".ts",  ".mts",  ".m2ts" };
     return ends_with(name, endings, sizeof endings / sizeof *endings);
 }
 
@@ -63,7 +63,7 @@ bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
         return false;
     }
     finds->items = more;
-    more[finds->n++] = (saga_found){source, moment, path};
+    more[finds->n++] = (saga_found){ source, moment, path };
     return true;
 }
 
@@ -91,7 +91,7 @@ void saga_finds_free(saga_finds *finds)
     for (size_t i = 0; i < finds->n; i++)
         free(finds->items[i].path);
     free(finds->items);
-    *finds = (saga_finds){0};
+    *finds = (saga_finds){ 0 };
 }
 
 static int by_moment(const void *a, const void *b)
@@ -134,8 +134,10 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
         k += i == 0 || f->moment != finds->items[i - 1].moment;
         char **const to = &listing->sources[f->source].pictures[k];
         if (*to)
-            return saga_fail(error, f->path, "keep one picture for each "
-                             "camera and moment", "is a second picture of "
+            return saga_fail(error, f->path,
+                             "keep one picture for each "
+                             "camera and moment",
+                             "is a second picture of "
                              "camera %s with the number %llu, besides %.200s",
                              listing->sources[f->source].name,
                              (unsigned long long)f->moment, *to);
@@ -168,8 +170,8 @@ bool saga_listing_take_finds(saga_listing *listing, saga_finds *finds,
         listing->n_frames = n;
     for (int i = 0; ok && i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
-        s->pictures = saga_calloc((size_t)n, sizeof *s->pictures,
-                                  listing->path, error);
+        s->pictures = saga_calloc((size_t)n, sizeof *s->pictures, listing->path,
+                                  error);
         ok = s->pictures != NULL;
     }
     ok = ok && place(listing, finds, error);

@@ -10,13 +10,13 @@
 #include "load.h"
 
 typedef struct saga_found {
-    int source;               /* index in the listing */
+    int source; /* index in the listing */
     uint64_t moment;
-    char *path;               /* owned */
+    char *path; /* owned */
 } saga_found;
 
 typedef struct saga_finds {
-    saga_found *items;        /* (n) */
+    saga_found *items; /* (n) */
     size_t n;
 } saga_finds;
 

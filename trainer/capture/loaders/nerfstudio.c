@@ -54,9 +54,11 @@ static bool split_views(saga_transforms *r)
         if (i == r->view_first[e->view])
             s->held_out = e->held_out;
         else if (s->held_out != e->held_out)
-            return saga_fail(r->error, r->path, "put all pictures of a camera "
+            return saga_fail(r->error, r->path,
+                             "put all pictures of a camera "
                              "into one list, or remove the lists and use "
-                             "--hold-out", "the train/test lists hold out "
+                             "--hold-out",
+                             "the train/test lists hold out "
                              "only some pictures of camera %s (%s differs)",
                              s->name, e->file);
     }
@@ -73,8 +75,8 @@ static char *join(const saga_transforms *r, const char *name)
  * returned as it is. */
 static char *picture_path(const saga_transforms *r, const char *file)
 {
-    static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
-                                          ".exr", ".tif", ".tiff"};
+    static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".webp",
+                                           ".exr", ".tif", ".tiff" };
     char *const path = join(r, file);
     if (!path || saga_path_is_file(path))
         return path;
@@ -106,16 +108,24 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
         (k->height != 0.0 && k->height != s->height))
         return saga_fail(r->error, r->path,
                          saga_source_fit_remedy(
-                             s, k->width, k->height, "correct w and h together "
+                             s, k->width, k->height,
+                             "correct w and h together "
                              "with fl_x fl_y cx cy, or scale the pictures "
                              "back"),
                          "w x h of %s is %g x %g, the file has %d x %d "
-                         "pixels", e->file, k->width, k->height, s->width,
-                         s->height);
-    s->lens = (saga_lens){.fx = k->fx, .fy = k->fy, .cx = k->cx, .cy = k->cy,
-                          .k1 = k->k1, .k2 = k->k2, .k3 = k->k3,
-                          .p1 = k->p1, .p2 = k->p2, .k4 = k->k4,
-                          .fisheye = k->fisheye != 0.0};
+                         "pixels",
+                         e->file, k->width, k->height, s->width, s->height);
+    s->lens = (saga_lens){ .fx = k->fx,
+                           .fy = k->fy,
+                           .cx = k->cx,
+                           .cy = k->cy,
+                           .k1 = k->k1,
+                           .k2 = k->k2,
+                           .k3 = k->k3,
+                           .p1 = k->p1,
+                           .p2 = k->p2,
+                           .k4 = k->k4,
+                           .fisheye = k->fisheye != 0.0 };
     /* w = 2 fx tan(angle / 2). If both fl_x and the angle are missing, fx stays
      * NaN and is refused below. */
     if (isnan(s->lens.fx))
@@ -128,7 +138,8 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
         s->lens.cy = s->height / 2.0;
     if (isfinite(s->lens.fx))
         return true;
-    return saga_fail(r->error, r->path, "give fl_x (pixels) or "
+    return saga_fail(r->error, r->path,
+                     "give fl_x (pixels) or "
                      "camera_angle_x (radians)",
                      "focal length of %s is missing or not finite", e->file);
 }
@@ -138,20 +149,21 @@ static bool fill_pose(const saga_transforms *r, saga_source *s,
 {
     if (saga_pose_from_opengl(e->key.pose, s->rotation, s->translation))
         return true;
-    return saga_fail(r->error, r->path, "export the poses again, without "
-                     "scale", "transform_matrix of %s (frames[%d]) is not "
+    return saga_fail(r->error, r->path,
+                     "export the poses again, without "
+                     "scale",
+                     "transform_matrix of %s (frames[%d]) is not "
                      "finite or not a rotation (first row %g %g %g %g)",
-                     e->file,
-                     e->index, e->key.pose[0], e->key.pose[1], e->key.pose[2],
-                     e->key.pose[3]);
+                     e->file, e->index, e->key.pose[0], e->key.pose[1],
+                     e->key.pose[2], e->key.pose[3]);
 }
 
 /* Sets the paths of a source's pictures, as far as the files exist. */
 static bool fill_pictures(saga_transforms *r, saga_source *s,
                           saga_entry *const *at, int n)
 {
-    s->pictures =
-        saga_calloc((size_t)n, sizeof *s->pictures, r->path, r->error);
+    s->pictures = saga_calloc((size_t)n, sizeof *s->pictures, r->path,
+                              r->error);
     s->depths = saga_calloc((size_t)n, sizeof *s->depths, r->path, r->error);
     s->masks = saga_calloc((size_t)n, sizeof *s->masks, r->path, r->error);
     bool ok = s->pictures && s->depths && s->masks;
@@ -217,17 +229,16 @@ static bool fill_views(saga_transforms *r, int n)
 static bool place_cameras(saga_transforms *r, int n)
 {
     saga_listing *const l = r->listing;
-    int *const kept_as =
-        saga_alloc((size_t)r->n_views, sizeof *kept_as, r->path, r->error);
+    int *const kept_as = saga_alloc((size_t)r->n_views, sizeof *kept_as,
+                                    r->path, r->error);
     /* Empty cameras are dropped first, because a camera's size comes from one
      * of its pictures. */
     bool ok = kept_as && saga_listing_drop_empty(l, 0, n, kept_as, r->error) &&
               (r->videos || saga_listing_probe_pictures(l, r->error));
     for (int v = 0; ok && v < r->n_views; v++) {
         const saga_entry *const e = &r->entries[r->view_first[v]];
-        ok = kept_as[v] < 0 ||
-             (fill_lens(r, &l->sources[kept_as[v]], e) &&
-              fill_pose(r, &l->sources[kept_as[v]], e));
+        ok = kept_as[v] < 0 || (fill_lens(r, &l->sources[kept_as[v]], e) &&
+                                fill_pose(r, &l->sources[kept_as[v]], e));
     }
     free(kept_as);
     return ok;
@@ -244,13 +255,15 @@ static bool read_ply(saga_transforms *r)
         return true;
     }
     char *const path = join(r, file);
-    const bool ok = path && saga_ply_read(path, &r->listing->points,
-                                          &r->listing->n_points, &n_dropped,
-                                          r->error);
+    const bool ok = path &&
+                    saga_ply_read(path, &r->listing->points,
+                                  &r->listing->n_points, &n_dropped, r->error);
     free(path);
     if (ok)
-        saga_note(r->listing->notes, "points: %zu of unknown visibility, %zu "
-                  "dropped as not finite", r->listing->n_points, n_dropped);
+        saga_note(r->listing->notes,
+                  "points: %zu of unknown visibility, %zu "
+                  "dropped as not finite",
+                  r->listing->n_points, n_dropped);
     return ok;
 }
 
@@ -268,7 +281,7 @@ static bool read_all(saga_transforms *r, const saga_capture_options *options)
         return false;
     if (r->videos && saga_transforms_n_timed(r) > 0)
         saga_note(r->listing->notes, "time: \"time\" of a video is not read; "
-                  "its frames have time stamps");
+                                     "its frames have time stamps");
     if (r->odd_depths)
         saga_note(r->listing->notes, "depth: only .exr files are read");
     return saga_listing_hold_out(r->listing, options->hold_out, r->error) &&
@@ -299,13 +312,13 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           const saga_capture_options *options,
                           saga_error *error)
 {
-    saga_transforms r = {.listing = listing, .error = error,
-                         .folder = folder_of(json_path, error)};
+    saga_transforms r = { .listing = listing,
+                          .error = error,
+                          .folder = folder_of(json_path, error) };
     /* The main file is read last, so that r.root is its top when fps, lists and
      * points are looked up. */
     listing->opengl = true;
-    const bool ok = r.folder &&
-                    (!test_path || read_json(&r, 1, test_path)) &&
+    const bool ok = r.folder && (!test_path || read_json(&r, 1, test_path)) &&
                     read_json(&r, 0, json_path) &&
                     saga_transforms_check_kinds(&r) && read_all(&r, options);
     /* The JSON is freed last, because the entries' names are strings inside
@@ -336,16 +349,15 @@ static bool list(saga_listing *listing, const char *path,
                  const saga_capture_options *options, saga_error *error)
 {
     char *const json = is_json(path)
-        ? saga_string_copy(path, error)
-        : saga_path_join(path, "transforms.json", error);
-    const bool ok = json && saga_nerfstudio_list(listing, json, NULL, options,
-                                                 error);
+                           ? saga_string_copy(path, error)
+                           : saga_path_join(path, "transforms.json", error);
+    const bool ok = json &&
+                    saga_nerfstudio_list(listing, json, NULL, options, error);
     free(json);
     return ok;
 }
 
 const saga_loader saga_nerfstudio_loader = {
     "nerfstudio", "transforms.json",
-    "transforms.json with pictures, or a video for each camera",
-    is_there, list
+    "transforms.json with pictures, or a video for each camera", is_there, list
 };

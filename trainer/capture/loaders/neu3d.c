@@ -47,14 +47,14 @@ static bool add_video(saga_listing *listing, const char *folder,
     if (listing->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(error, folder, "split the capture",
                          "has more than %d videos", SAGA_MAX_VIEWS);
-    saga_source *const more =
-        saga_realloc(listing->sources, (size_t)listing->n_sources + 1,
-                     sizeof *more, folder, error);
+    saga_source *const more = saga_realloc(listing->sources,
+                                           (size_t)listing->n_sources + 1,
+                                           sizeof *more, folder, error);
     if (!more)
         return false;
     listing->sources = more;
     saga_source *const source = &more[listing->n_sources++];
-    *source = (saga_source){.video = saga_path_join(folder, name, error)};
+    *source = (saga_source){ .video = saga_path_join(folder, name, error) };
     saga_copy_name(source->name, name, strlen(name) - strlen(".mp4"));
     source->held_out = strcmp(source->name, "cam00") == 0;
     return source->video != NULL;
@@ -86,24 +86,26 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
                          "row of %s has height %g, width %g, focal length %g",
                          source->name, h, w, f);
     if (!saga_source_fit(source, w, h))
-        return saga_fail(error, path,
-                         saga_source_fit_remedy(
-                             source, w, h, "scale the videos alike on both "
-                             "axes, do not crop them"),
-                         "row of %s is for %g x %g pixels, the video has "
-                         "%d x %d", source->name, w, h,
-                         source->width, source->height);
+        return saga_fail(
+            error, path,
+            saga_source_fit_remedy(source, w, h,
+                                   "scale the videos alike on both "
+                                   "axes, do not crop them"),
+            "row of %s is for %g x %g pixels, the video has "
+            "%d x %d",
+            source->name, w, h, source->width, source->height);
     /* The file has one focal length, for the width; the principal point is the
      * picture's middle. */
     const double focal = f * (source->width / w);
-    source->lens = (saga_lens){.fx = focal, .fy = focal,
-                               .cx = source->width / 2.0,
-                               .cy = source->height / 2.0};
+    source->lens = (saga_lens){ .fx = focal,
+                                .fy = focal,
+                                .cx = source->width / 2.0,
+                                .cy = source->height / 2.0 };
     return true;
 }
 
-static bool row_camera(saga_source *source, const double *row,
-                       const char *path, saga_error *error)
+static bool row_camera(saga_source *source, const double *row, const char *path,
+                       saga_error *error)
 {
     double axis[3][3], centre[3];
     for (int i = 0; i < 3; i++) {
@@ -114,10 +116,12 @@ static bool row_camera(saga_source *source, const double *row,
     }
     if (!saga_pose_from_axes(axis[0], axis[1], axis[2], centre,
                              source->rotation, source->translation))
-        return saga_fail(error, path, "export the poses again, columns down, "
-                         "right, backwards", "row of %s is not finite or not "
-                         "a rotation (first column %g %g %g)", source->name,
-                         row[0], row[5], row[10]);
+        return saga_fail(error, path,
+                         "export the poses again, columns down, "
+                         "right, backwards",
+                         "row of %s is not finite or not "
+                         "a rotation (first column %g %g %g)",
+                         source->name, row[0], row[5], row[10]);
     const double near = row[15], far = row[16];
     if (isfinite(near) && isfinite(far) && near > 0.0 && far > near) {
         source->near_depth = near;
@@ -137,7 +141,8 @@ static bool read_poses(saga_listing *listing, const char *path,
         ok = saga_fail(error, path, "save N rows of 17 numbers",
                        "has %zu columns", npy.cols);
     else if (npy.rows != (size_t)listing->n_sources)
-        ok = saga_fail(error, path, "remove or add videos so that there is "
+        ok = saga_fail(error, path,
+                       "remove or add videos so that there is "
                        "one per row, in sorted order",
                        "has %zu rows but there are %d videos cam*.mp4",
                        npy.rows, listing->n_sources);
@@ -157,9 +162,8 @@ static bool names_image(const char *name, const char *image)
     for (const char *p = image; p;) {
         /* The name may be any folder of the path, or the file's name without
          * its extension. */
-        if (strncmp(p, name, n) == 0 &&
-            (p[n] == '\0' || p[n] == '/' || (p[n] == '.' &&
-                                             !strchr(p + n, '/'))))
+        if (strncmp(p, name, n) == 0 && (p[n] == '\0' || p[n] == '/' ||
+                                         (p[n] == '.' && !strchr(p + n, '/'))))
             return true;
         p = strchr(p, '/');
         p = p ? p + 1 : NULL;
@@ -184,7 +188,7 @@ static void match_images(const saga_listing *listing, const saga_colmap *model,
 static double disagreement(const saga_listing *listing,
                            const saga_colmap *model, const int *image_of)
 {
-    double size = 0.0, worst = 0.0, first[3] = {0};
+    double size = 0.0, worst = 0.0, first[3] = { 0 };
     for (int i = 0; i < listing->n_sources; i++) {
         const saga_source *const s = &listing->sources[i];
         double a[3], b[3], d2 = 0.0, r2 = 0.0;
@@ -242,8 +246,8 @@ static int view_of_image(const saga_listing *listing, const char *image)
 static int *map_images(const saga_listing *listing, const saga_colmap *model,
                        saga_error *error)
 {
-    int *const view =
-        saga_alloc(model->n_images, sizeof *view, listing->path, error);
+    int *const view = saga_alloc(model->n_images, sizeof *view, listing->path,
+                                 error);
     for (size_t k = 0; view && k < model->n_images; k++)
         view[k] = view_of_image(listing, model->images[k].name);
     return view;
@@ -277,27 +281,34 @@ static bool use_model(saga_listing *listing, const saga_colmap *model,
      * poses have another world frame, cameras and points both come from the
      * model, or neither does. */
     if (!complete && !have_poses)
-        return saga_fail(error, folder, "add poses_bounds.npy or reconstruct "
-                         "with all cameras", "no image of the COLMAP model "
-                         "belongs to %s", missing);
+        return saga_fail(error, folder,
+                         "add poses_bounds.npy or reconstruct "
+                         "with all cameras",
+                         "no image of the COLMAP model "
+                         "belongs to %s",
+                         missing);
     if (!complete && off > same_frame) {
-        saga_note(listing->notes, "points: none; COLMAP's model has another "
-                  "world frame than poses_bounds.npy and lacks %s", missing);
+        saga_note(listing->notes,
+                  "points: none; COLMAP's model has another "
+                  "world frame than poses_bounds.npy and lacks %s",
+                  missing);
         return true;
     }
     if (!have_poses || off > same_frame) {
         if (!adopt_cameras(listing, model, image_of, folder, error))
             return false;
         if (have_poses)
-            saga_note(listing->notes, "cameras: from COLMAP's model, since "
+            saga_note(listing->notes,
+                      "cameras: from COLMAP's model, since "
                       "poses_bounds.npy has another world frame (centres "
-                      "differ by %.3g rig diameters)", off);
+                      "differ by %.3g rig diameters)",
+                      off);
         else
             saga_note(listing->notes, "cameras: from COLMAP's model");
     }
     int *const view = map_images(listing, model, error);
-    const bool ok =
-        view && saga_colmap_take_points(listing, model, view, error);
+    const bool ok = view &&
+                    saga_colmap_take_points(listing, model, view, error);
     free(view);
     return ok && measure_views(listing, model, image_of, error);
 }
@@ -308,8 +319,8 @@ static bool read_model(saga_listing *listing, const char *folder,
     saga_colmap model;
     if (!saga_colmap_read(&model, folder, error))
         return false;
-    int *const image_of =
-        saga_alloc((size_t)listing->n_sources, sizeof *image_of, folder, error);
+    int *const image_of = saga_alloc((size_t)listing->n_sources,
+                                     sizeof *image_of, folder, error);
     const bool ok = image_of && use_model(listing, &model, folder, have_poses,
                                           image_of, error);
     free(image_of);
@@ -365,7 +376,8 @@ static bool list(saga_listing *listing, const char *folder,
     bool ok = poses && saga_colmap_find(&model, folder, error);
     const bool have_poses = ok && saga_path_is_file(poses);
     if (ok && !have_poses && !model)
-        ok = saga_fail(error, folder, "add one of them; docs/from-cameras.md "
+        ok = saga_fail(error, folder,
+                       "add one of them; docs/from-cameras.md "
                        "explains how to calibrate cameras",
                        "has %d videos but no calibration: no "
                        "poses_bounds.npy, COLMAP model in colmap/ or sparse/0, "
@@ -376,7 +388,7 @@ static bool list(saga_listing *listing, const char *folder,
         ok = read_model(listing, model, have_poses, error);
     else if (ok)
         saga_note(listing->notes, "points: none (no COLMAP model in colmap/ or "
-                  "sparse/0)");
+                                  "sparse/0)");
     ok = ok && (!options->want_depth || find_depths(listing, folder, error));
     free(poses);
     free(model);
@@ -384,7 +396,6 @@ static bool list(saga_listing *listing, const char *folder,
 }
 
 const saga_loader saga_neu3d_loader = {
-    "Neu3D", "camNN.mp4",
-    "camNN.mp4 and poses_bounds.npy, or a COLMAP model",
+    "Neu3D", "camNN.mp4", "camNN.mp4 and poses_bounds.npy, or a COLMAP model",
     is_there, list
 };

@@ -33,10 +33,10 @@
 typedef struct sports_reader {
     saga_listing *listing;
     const char *folder;
-    const char *path;          /* path of the JSON that is being read */
+    const char *path; /* path of the JSON that is being read */
     json_t *root;
     bool test;
-    int *ids;                  /* (n_sources) cam_id of each source */
+    int *ids; /* (n_sources) cam_id of each source */
     saga_finds finds;
     int n_missing;
     saga_error *error;
@@ -47,12 +47,14 @@ typedef struct sports_reader {
 static bool bad_value(const sports_reader *r, const char *key, size_t t,
                       size_t c, const char *wanted)
 {
-    return saga_fail(r->error, r->path, "export it again", "\"%s\"[%zu][%zu] "
-                     "is missing or not %s", key, t, c, wanted);
+    return saga_fail(r->error, r->path, "export it again",
+                     "\"%s\"[%zu][%zu] "
+                     "is missing or not %s",
+                     key, t, c, wanted);
 }
 
-static const json_t *entry_of(const sports_reader *r, const char *key,
-                              size_t t, size_t c)
+static const json_t *entry_of(const sports_reader *r, const char *key, size_t t,
+                              size_t c)
 {
     return json_array_get(json_array_get(json_object_get(r->root, key), t), c);
 }
@@ -63,8 +65,8 @@ static bool get_matrix(const sports_reader *r, const char *key, size_t t,
 {
     const json_t *const m = entry_of(r, key, t, c);
     for (size_t i = 0; i < rows * cols; i++) {
-        const json_t *const x =
-            json_array_get(json_array_get(m, i / cols), i % cols);
+        const json_t *const x = json_array_get(json_array_get(m, i / cols),
+                                               i % cols);
         if (!json_is_number(x))
             return bad_value(r, key, t, c, "a matrix of numbers");
         to[i] = json_number_value(x);
@@ -77,8 +79,10 @@ static bool get_size(const sports_reader *r, const char *key, int *to)
     const json_t *const x = json_object_get(r->root, key);
     const double v = json_number_value(x);
     if (!json_is_number(x) || !(v >= 1.0 && v <= SAGA_MAX_SIDE))
-        return saga_fail(r->error, r->path, "give pixels", "\"%s\" is missing "
-                         "or not 1 to %d", key, SAGA_MAX_SIDE);
+        return saga_fail(r->error, r->path, "give pixels",
+                         "\"%s\" is missing "
+                         "or not 1 to %d",
+                         key, SAGA_MAX_SIDE);
     *to = (int)v;
     return true;
 }
@@ -90,19 +94,20 @@ static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
 {
     double k[9], m[12], turn[9], t_of[3];
     if (!get_matrix(r, "k", t, c, 3, 3, k) ||
-        !get_matrix(r, "w2c", t, c, 3, 4, m) ||
-        !get_size(r, "w", &s->width) || !get_size(r, "h", &s->height))
+        !get_matrix(r, "w2c", t, c, 3, 4, m) || !get_size(r, "w", &s->width) ||
+        !get_size(r, "h", &s->height))
         return false;
     if (k[1] != 0.0)
         return saga_fail(r->error, r->path, "rectify the pictures first",
                          "k[%zu][%zu] has a skew of %g", t, c, k[1]);
-    s->lens = (saga_lens){.fx = k[0], .fy = k[4], .cx = k[2], .cy = k[5]};
+    s->lens = (saga_lens){ .fx = k[0], .fy = k[4], .cx = k[2], .cy = k[5] };
     for (int i = 0; i < 12; i++)
         *(i % 4 < 3 ? &turn[3 * (i / 4) + i % 4] : &t_of[i / 4]) = m[i];
     return saga_pose_from_world(turn, t_of, s->rotation, s->translation) ||
            saga_fail(r->error, r->path, "export the poses again",
                      "w2c[%zu][%zu] is not finite or not a rotation (first "
-                     "row %g %g %g)", t, c, m[0], m[1], m[2]);
+                     "row %g %g %g)",
+                     t, c, m[0], m[1], m[2]);
 }
 
 static bool add_camera(sports_reader *r, int id, size_t t, size_t c)
@@ -111,32 +116,31 @@ static bool add_camera(sports_reader *r, int id, size_t t, size_t c)
     if (l->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(r->error, r->path, "split the capture",
                          "has more than %d cameras", SAGA_MAX_VIEWS);
-    saga_source *const more =
-        saga_realloc(l->sources, (size_t)l->n_sources + 1, sizeof *more,
-                     r->path, r->error);
+    saga_source *const more = saga_realloc(l->sources, (size_t)l->n_sources + 1,
+                                           sizeof *more, r->path, r->error);
     if (!more)
         return false;
     l->sources = more;
-    int *const ids = saga_realloc(r->ids, (size_t)l->n_sources + 1,
-                                  sizeof *ids, r->path, r->error);
+    int *const ids = saga_realloc(r->ids, (size_t)l->n_sources + 1, sizeof *ids,
+                                  r->path, r->error);
     if (!ids)
         return false;
     r->ids = ids;
     ids[l->n_sources] = id;
     /* The cameras of test_meta.json are held out. */
-    more[l->n_sources] = (saga_source){.held_out = r->test};
+    more[l->n_sources] = (saga_source){ .held_out = r->test };
     (void)snprintf(more[l->n_sources].name, SAGA_NAME_NBYTES, "cam%02d", id);
     return fill_camera(r, &more[l->n_sources++], t, c);
 }
 
 static bool same_camera(const saga_source *a, const saga_source *b)
 {
-    const double x[] = {a->lens.fx, a->lens.fy, a->lens.cx, a->lens.cy,
-                        a->translation[0], a->translation[1],
-                        a->translation[2]};
-    const double y[] = {b->lens.fx, b->lens.fy, b->lens.cx, b->lens.cy,
-                        b->translation[0], b->translation[1],
-                        b->translation[2]};
+    const double x[] = { a->lens.fx,       a->lens.fy,        a->lens.cx,
+                         a->lens.cy,       a->translation[0], a->translation[1],
+                         a->translation[2] };
+    const double y[] = { b->lens.fx,       b->lens.fy,        b->lens.cx,
+                         b->lens.cy,       b->translation[0], b->translation[1],
+                         b->translation[2] };
     for (int i = 0; i < 7; i++)
         if (fabs(x[i] - y[i]) > 1e-6 * (1.0 + fabs(x[i])))
             return false;
@@ -152,7 +156,7 @@ static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
     saga_listing *const l = r->listing;
     const json_t *const x = entry_of(r, "cam_id", t, c);
     const json_int_t id = json_integer_value(x);
-    saga_source now = {.name = ""};
+    saga_source now = { .name = "" };
     if (!json_is_integer(x) || id < 0 || id > 999999)
         return bad_value(r, "cam_id", t, c, "an integer of 0 to 999999");
     for (*source = 0; *source < l->n_sources; ++*source)
@@ -164,7 +168,8 @@ static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
     if (s->held_out != r->test)
         return saga_fail(r->error, r->path, "list a camera in one of both",
                          "camera %d is in train_meta.json and in "
-                         "test_meta.json", (int)id);
+                         "test_meta.json",
+                         (int)id);
     /* A known camera is read again, to check that it has not moved. */
     return fill_camera(r, &now, t, c) &&
            (same_camera(s, &now) ||
@@ -188,7 +193,8 @@ static bool add_picture(sports_reader *r, size_t t, size_t c)
     if (folder)
         saga_path_slashes((char *)(uintptr_t)fn, folder);
     char *const path = folder ? saga_listing_join(r->listing, folder, fn,
-                                                  r->path, r->error) : NULL;
+                                                  r->path, r->error)
+                              : NULL;
     free(folder);
     if (path && saga_path_is_file(path))
         return saga_finds_add(&r->finds, source, t, path, r->error);
@@ -202,8 +208,10 @@ static bool read_moments(sports_reader *r)
     const json_t *const fn = json_object_get(r->root, "fn");
     const size_t n = json_array_size(fn);
     if (n < 1 || n > SAGA_MAX_FRAMES)
-        return saga_fail(r->error, r->path, "list the pictures", "\"fn\" has "
-                         "%zu moments", n);
+        return saga_fail(r->error, r->path, "list the pictures",
+                         "\"fn\" has "
+                         "%zu moments",
+                         n);
     for (size_t t = 0; t < n; t++)
         for (size_t c = 0; c < json_array_size(json_array_get(fn, t)); c++)
             if (!add_picture(r, t, c))
@@ -227,8 +235,8 @@ static bool read_meta(sports_reader *r, const char *name, bool test)
 /* Checks that the pictures have the size that the file gives. */
 static bool check_sizes(saga_listing *l, saga_error *error)
 {
-    int *const sizes =
-        saga_alloc((size_t)l->n_sources, 2 * sizeof *sizes, l->path, error);
+    int *const sizes = saga_alloc((size_t)l->n_sources, 2 * sizeof *sizes,
+                                  l->path, error);
     for (int i = 0; sizes && i < l->n_sources; i++) {
         sizes[2 * i] = l->sources[i].width;
         sizes[2 * i + 1] = l->sources[i].height;
@@ -244,8 +252,8 @@ static bool check_sizes(saga_listing *l, saga_error *error)
     return ok;
 }
 
-static bool take_points(saga_listing *l, const saga_npy *rows,
-                        const char *path, saga_error *error)
+static bool take_points(saga_listing *l, const saga_npy *rows, const char *path,
+                        saga_error *error)
 {
     if (rows->cols < 6)
         return saga_fail(error, path, "save rows of x, y, z, red, green, blue",
@@ -259,14 +267,15 @@ static bool take_points(saga_listing *l, const saga_npy *rows,
             continue;
         for (int k = 0; k < 3; k++) {
             p->position[k] = x[k];
-            p->rgb[k] =
-                (uint8_t)(255.0 * fmin(fmax(x[3 + k], 0.0), 1.0) + 0.5);
+            p->rgb[k] = (uint8_t)(255.0 * fmin(fmax(x[3 + k], 0.0), 1.0) + 0.5);
         }
         l->n_points++;
     }
     if (l->points)
-        saga_note(l->notes, "points: %zu of init_pt_cld.npz, of unknown "
-                  "visibility", l->n_points);
+        saga_note(l->notes,
+                  "points: %zu of init_pt_cld.npz, of unknown "
+                  "visibility",
+                  l->n_points);
     return l->points != NULL;
 }
 
@@ -303,7 +312,7 @@ static bool is_there(const char *folder, saga_error *error)
 static bool list(saga_listing *listing, const char *folder,
                  const saga_capture_options *options, saga_error *error)
 {
-    sports_reader r = {.listing = listing, .folder = folder, .error = error};
+    sports_reader r = { .listing = listing, .folder = folder, .error = error };
     bool ok = read_meta(&r, "train_meta.json", false) &&
               (!saga_folder_has(folder, "test_meta.json") ||
                read_meta(&r, "test_meta.json", true)) &&

@@ -15,10 +15,10 @@
 /* Values that are equal in all pictures of a camera. There is no padding, so
  * that bytes can be compared. Unknown values are NaN, with one bit pattern. */
 typedef struct saga_entry_camera {
-    double pose[12];          /* camera to world, rows of 3 x 4 */
+    double pose[12]; /* camera to world, rows of 3 x 4 */
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2, k4;
-    double fisheye;           /* 1 or 0 */
+    double fisheye; /* 1 or 0 */
     double width, height, angle_x;
 } saga_entry_camera;
 
@@ -30,28 +30,28 @@ typedef struct saga_entry {
     int view;
     bool has_time, held_out;
     double time;
-    double late;              /* delay after its moment, in frames, 0 to 1 */
+    double late; /* delay after its moment, in frames, 0 to 1 */
     saga_entry_camera key;
 } saga_entry;
 
 typedef struct saga_transforms {
-    json_t *root;             /* the JSON file that is being read */
-    json_t *roots[2];         /* all JSON files */
-    const char *path;         /* path of the JSON */
+    json_t *root;     /* the JSON file that is being read */
+    json_t *roots[2]; /* all JSON files */
+    const char *path; /* path of the JSON */
     char *folder;
     saga_listing *listing;
     saga_error *error;
     saga_entry *entries;
     int n_entries;
     int n_views;
-    int *view_size;           /* (n_views) number of entries */
-    int *view_first;          /* (n_views) first entry, once entries are
-                               * sorted */
-    int fullest;              /* the view with most pictures */
-    int n_moments;            /* number of moments if the camera moves;
-                               * otherwise 0 */
-    double first_time, step;  /* time of the first moment, and between two */
-    saga_entry **at;          /* (n_views, n_frames) NULL: not listed */
+    int *view_size;          /* (n_views) number of entries */
+    int *view_first;         /* (n_views) first entry, once entries are
+                              * sorted */
+    int fullest;             /* the view with most pictures */
+    int n_moments;           /* number of moments if the camera moves;
+                              * otherwise 0 */
+    double first_time, step; /* time of the first moment, and between two */
+    saga_entry **at;         /* (n_views, n_frames) NULL: not listed */
     bool odd_depths, videos;
     int n_missing;
     const char *first_missing; /* path as the JSON has it; NULL: none */

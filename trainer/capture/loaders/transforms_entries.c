@@ -20,9 +20,9 @@
 
 static const char *type_name(const json_t *value)
 {
-    static const char *const names[] = {"an object", "an array", "a string",
-                                        "a number", "a number", "true",
-                                        "false", "null"};
+    static const char *const names[] = { "an object", "an array", "a string",
+                                         "a number",  "a number", "true",
+                                         "false",     "null" };
     const int t = (int)json_typeof(value);
     return t >= 0 && t < 8 ? names[t] : "something else";
 }
@@ -38,8 +38,10 @@ static bool wrong_type(const saga_transforms *r, int index, const char *key,
         (void)snprintf(is, sizeof is, "\"%.40s\"", json_string_value(value));
     else if (value)
         (void)snprintf(is, sizeof is, "%s", type_name(value));
-    return saga_fail(r->error, r->path, "correct the file", "\"%s\" %s is %s, "
-                     "expected %s", key, where, is, wanted);
+    return saga_fail(r->error, r->path, "correct the file",
+                     "\"%s\" %s is %s, "
+                     "expected %s",
+                     key, where, is, wanted);
 }
 
 /* Reads a number from the entry, or from the top of the file if the entry lacks
@@ -112,8 +114,10 @@ static bool read_matrix(const saga_transforms *r, const json_t *frame,
             if (i < 3)
                 e->key.pose[4 * i + j] = v == 0.0 ? 0.0 : v; /* no -0 */
             else if (v != (j == 3 ? 1.0 : 0.0))
-                return saga_fail(r->error, r->path, "give a rigid camera-to-"
-                                 "world matrix", "last row of transform_"
+                return saga_fail(r->error, r->path,
+                                 "give a rigid camera-to-"
+                                 "world matrix",
+                                 "last row of transform_"
                                  "matrix of frames[%d] is not 0 0 0 1",
                                  e->index);
         }
@@ -124,9 +128,9 @@ static bool read_matrix(const saga_transforms *r, const json_t *frame,
 static bool read_model(const saga_transforms *r, const json_t *frame, int index,
                        double *fisheye)
 {
-    static const char *const known[] = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
-                                        "SIMPLE_RADIAL", "RADIAL",
-                                        "OPENCV_FISHEYE"};
+    static const char *const known[] = { "OPENCV",         "PINHOLE",
+                                         "SIMPLE_PINHOLE", "SIMPLE_RADIAL",
+                                         "RADIAL",         "OPENCV_FISHEYE" };
     const char *model = "OPENCV";
     if (!saga_transforms_string(r, r->root, -1, "camera_model", &model) ||
         !saga_transforms_string(r, frame, index, "camera_model", &model))
@@ -136,9 +140,12 @@ static bool read_model(const saga_transforms *r, const json_t *frame, int index,
             *fisheye = strcmp(model, "OPENCV_FISHEYE") == 0 ? 1.0 : 0.0;
             return true;
         }
-    return saga_fail(r->error, r->path, "undistort the pictures to PINHOLE "
-                     "first", "camera_model \"%s\" of frames[%d] is not "
-                     "supported", model, index);
+    return saga_fail(r->error, r->path,
+                     "undistort the pictures to PINHOLE "
+                     "first",
+                     "camera_model \"%s\" of frames[%d] is not "
+                     "supported",
+                     model, index);
 }
 
 static bool read_intrinsics(const saga_transforms *r, const json_t *frame,
@@ -149,10 +156,13 @@ static bool read_intrinsics(const saga_transforms *r, const json_t *frame,
         const char *name;
         double *to;
     } numbers[] = {
-        {"fl_x", &k->fx}, {"fl_y", &k->fy}, {"cx", &k->cx}, {"cy", &k->cy},
-        {"k1", &k->k1},   {"k2", &k->k2},   {"k3", &k->k3}, {"p1", &k->p1},
-        {"p2", &k->p2},   {"w", &k->width}, {"h", &k->height},
-        {"camera_angle_x", &k->angle_x},    {"k4", &k->k4},
+        { "fl_x", &k->fx },  { "fl_y", &k->fy },
+        { "cx", &k->cx },    { "cy", &k->cy },
+        { "k1", &k->k1 },    { "k2", &k->k2 },
+        { "k3", &k->k3 },    { "p1", &k->p1 },
+        { "p2", &k->p2 },    { "w", &k->width },
+        { "h", &k->height }, { "camera_angle_x", &k->angle_x },
+        { "k4", &k->k4 },
     };
     /* NaN means that the file has no value. Distortions and sizes without a
      * value are 0 (saga_transforms_read_entries). */
@@ -164,8 +174,7 @@ static bool read_intrinsics(const saga_transforms *r, const json_t *frame,
         return false;
     return k->k4 == 0.0 || k->fisheye != 0.0 ||
            saga_fail(r->error, r->path, "undistort the pictures first",
-                     "k4 = %g of frames[%d] is not supported", k->k4,
-                     e->index);
+                     "k4 = %g of frames[%d] is not supported", k->k4, e->index);
 }
 
 static bool read_entry(saga_transforms *r, int index)
@@ -209,9 +218,8 @@ bool saga_transforms_read_entries(saga_transforms *r)
     if (n == 0 || n > (size_t)(SAGA_MAX_FRAMES - r->n_entries))
         return saga_fail(r->error, r->path, "list the pictures or videos",
                          "\"frames\" has %zu entries", n);
-    saga_entry *const more =
-        saga_realloc(r->entries, (size_t)r->n_entries + n, sizeof *more,
-                     r->path, r->error);
+    saga_entry *const more = saga_realloc(r->entries, (size_t)r->n_entries + n,
+                                          sizeof *more, r->path, r->error);
     if (!more)
         return false;
     memset(more + r->n_entries, 0, n * sizeof *more);
@@ -282,22 +290,24 @@ static bool all_known(const saga_transforms *r, const char *key,
                       const char *const *names, size_t n)
 {
     const size_t n_files = (size_t)r->n_entries;
-    const char **const files =
-        saga_alloc(n_files, sizeof *files, r->path, r->error);
+    const char **const files = saga_alloc(n_files, sizeof *files, r->path,
+                                          r->error);
     if (!files)
         return false;
     for (size_t i = 0; i < n_files; i++)
         files[i] = r->entries[i].file;
     qsort(files, n_files, sizeof *files, by_string);
     size_t i = 0;
-    while (i < n && bsearch(&names[i], files, n_files, sizeof *files,
-                            by_string))
+    while (i < n &&
+           bsearch(&names[i], files, n_files, sizeof *files, by_string))
         i++;
     free(files);
-    return i == n || saga_fail(r->error, r->path, "names stand there as they "
-                               "do in a frame's file_path", "\"%s\" lists "
-                               "\"%.200s\", which is no frame's picture", key,
-                               names[i]);
+    return i == n || saga_fail(r->error, r->path,
+                               "names stand there as they "
+                               "do in a frame's file_path",
+                               "\"%s\" lists "
+                               "\"%.200s\", which is no frame's picture",
+                               key, names[i]);
 }
 
 /* Marks as held out the entries whose file is in the list or, if `inverted`, is
@@ -310,8 +320,7 @@ static bool mark_list(saga_transforms *r, const char *key, bool inverted)
     if (!json_is_array(list))
         return wrong_type(r, -1, key, list, "an array of strings");
     const size_t n = json_array_size(list);
-    const char **const names =
-        saga_alloc(n, sizeof *names, r->path, r->error);
+    const char **const names = saga_alloc(n, sizeof *names, r->path, r->error);
     if (!names)
         return false;
     bool ok = true;

@@ -22,8 +22,8 @@ static void take_numbers_for_times(saga_transforms *r)
         saga_entry *const e = &r->entries[i];
         const char *const dot = strrchr(e->file, '.');
         uint64_t number;
-        (void)saga_last_number(e->file, dot ? (size_t)(dot - e->file)
-                                            : strlen(e->file), &number);
+        (void)saga_last_number(
+            e->file, dot ? (size_t)(dot - e->file) : strlen(e->file), &number);
         e->time = (double)number;
     }
     /* The first sort was done while all times were equal, so it is repeated. */
@@ -39,16 +39,20 @@ static bool find_moment(const saga_transforms *r, const saga_entry *e,
     if (!isfinite(e->time))
         return saga_fail(r->error, r->path, "correct it",
                          "time of %s is not finite", e->file);
-    const double moment =
-        step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
+    const double moment = step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0),
+                                            n - 1.0)
+                                     : 0.0;
     if (r->view_size[e->view] < n)
         *k = (int)floor(moment + 0.5);
     /* A time within a quarter of a step counts as synchronous. */
     const double near = start + step * *k;
     return fabs(e->time - near) <= 0.25 * step ||
-           saga_fail(r->error, r->path, "pictures must be synchronous and "
-                     "evenly spaced in time", "time %g of %s is not near %g, "
-                     "that of frame %d", e->time, e->file, near, *k);
+           saga_fail(r->error, r->path,
+                     "pictures must be synchronous and "
+                     "evenly spaced in time",
+                     "time %g of %s is not near %g, "
+                     "that of frame %d",
+                     e->time, e->file, near, *k);
 }
 
 /* Sets the table of entries by view and moment. Entries are sorted by view and
@@ -69,9 +73,12 @@ static bool place_entries(saga_transforms *r, int n, bool timed)
             return false;
         saga_entry **const to = &r->at[e->view * n + k];
         if (twice || *to)
-            return saga_fail(r->error, r->path, "one picture per camera and "
-                             "moment", "%s and %s have one pose and one time "
-                             "%g", e[-1].file, e->file, e->time);
+            return saga_fail(r->error, r->path,
+                             "one picture per camera and "
+                             "moment",
+                             "%s and %s have one pose and one time "
+                             "%g",
+                             e[-1].file, e->file, e->time);
         *to = e;
     }
     return r->at != NULL;
@@ -91,8 +98,10 @@ static bool place_moving(saga_transforms *r, int n)
      * moving. */
     r->step = (last - first) / (n - 1);
     if (!isfinite(r->step))
-        return saga_fail(r->error, r->path, "correct them", "times run from "
-                         "%g to %g", first, last);
+        return saga_fail(r->error, r->path, "correct them",
+                         "times run from "
+                         "%g to %g",
+                         first, last);
     r->at = saga_calloc((size_t)r->n_views * (size_t)n, sizeof *r->at, r->path,
                         r->error);
     for (int i = 0; r->at && i < r->n_entries; i++) {
@@ -107,8 +116,10 @@ static bool place_moving(saga_transforms *r, int n)
     }
     r->listing->moves = true;
     if (r->at)
-        saga_note(r->listing->notes, "cameras: the camera moves; its %d "
-                  "pictures are views of %d moments", r->n_entries, n);
+        saga_note(r->listing->notes,
+                  "cameras: the camera moves; its %d "
+                  "pictures are views of %d moments",
+                  r->n_entries, n);
     return r->at != NULL;
 }
 
@@ -139,7 +150,7 @@ static void guess_fps(saga_transforms *r, int n)
     const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
         saga_note(r->listing->notes, "time: values from 0 to 1 are taken as "
-                  "fractions of the whole time");
+                                     "fractions of the whole time");
         return;
     }
     r->listing->fps = (n - 1) / (last - first);

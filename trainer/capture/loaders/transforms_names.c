@@ -39,8 +39,8 @@ static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
     const char *const base = base_of(file);
     char folder[SAGA_NAME_NBYTES], both[2 * SAGA_NAME_NBYTES];
     folder_name(file, folder);
-    (void)snprintf(both, sizeof both, "%s_%.*s", folder,
-                   (int)stem_length(base), base);
+    (void)snprintf(both, sizeof both, "%s_%.*s", folder, (int)stem_length(base),
+                   base);
     saga_copy_name(name, both, strlen(both));
 }
 

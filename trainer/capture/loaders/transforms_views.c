@@ -26,8 +26,8 @@ static bool add_view(const saga_transforms *r, int **first)
     if (r->n_views == SAGA_MAX_VIEWS)
         return too_many(r, "every camera must stand still and have one pose",
                         "different camera poses");
-    int *const more = saga_realloc(*first, (size_t)r->n_views + 1,
-                                   sizeof *more, r->path, r->error);
+    int *const more = saga_realloc(*first, (size_t)r->n_views + 1, sizeof *more,
+                                   r->path, r->error);
     *first = more ? more : *first;
     return more != NULL;
 }
@@ -42,8 +42,7 @@ static bool assign_views(saga_transforms *r)
         /* Newest views are tried first, since files mostly list one camera
          * after another. Each video is a view of its own, whatever its pose. */
         for (int v = r->n_views; !r->videos && v-- > 0 && e->view < 0;)
-            if (memcmp(&r->entries[first[v]].key, &e->key,
-                       sizeof e->key) == 0)
+            if (memcmp(&r->entries[first[v]].key, &e->key, sizeof e->key) == 0)
                 e->view = v;
         if (e->view >= 0)
             continue;
@@ -96,8 +95,8 @@ static bool find_moves(saga_transforms *r)
     if (r->videos || saga_transforms_n_timed(r) < r->n_entries ||
         2 * r->n_views <= r->n_entries)
         return true;
-    double *const times =
-        saga_alloc((size_t)r->n_entries, sizeof *times, r->path, r->error);
+    double *const times = saga_alloc((size_t)r->n_entries, sizeof *times,
+                                     r->path, r->error);
     if (!times)
         return false;
     const int n = count_moments(r, times);
@@ -141,14 +140,17 @@ static bool check_counts(const saga_transforms *r)
 {
     const int n_times = saga_transforms_n_timed(r);
     if (n_times != 0 && n_times != r->n_entries)
-        return saga_fail(r->error, r->path, "give every picture its time, or "
-                         "none", "only %d of %d frames have \"time\"",
-                         n_times, r->n_entries);
+        return saga_fail(r->error, r->path,
+                         "give every picture its time, or "
+                         "none",
+                         "only %d of %d frames have \"time\"", n_times,
+                         r->n_entries);
     for (int v = 0; v < r->n_views; v++) {
         const int n = r->view_size[v], most = r->view_size[r->fullest];
         /* A camera may lack up to half of its pictures. */
         if (2 * n < most)
-            return saga_fail(r->error, r->path, "every camera needs a picture "
+            return saga_fail(r->error, r->path,
+                             "every camera needs a picture "
                              "of every moment, with one pose",
                              "unequal frame counts: camera of %s has %d, "
                              "camera of %s has %d",

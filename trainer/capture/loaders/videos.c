@@ -56,21 +56,22 @@ static bool is_untagged(const saga_source *s)
 
 static bool is_hdr(const saga_source *s)
 {
-    static const char *const hdr[] = {"arib-std-b67", "smpte2084", NULL};
+    static const char *const hdr[] = { "arib-std-b67", "smpte2084", NULL };
     return is_one_of(s->info.transfer, hdr);
 }
 
 static bool is_odd_transfer(const saga_source *s)
 {
-    static const char *const odd[] = {"linear", "log100", "log316", "smpte428",
-                                      "log", "log_sqrt", NULL};
+    static const char *const odd[] = { "linear",   "log100", "log316",
+                                       "smpte428", "log",    "log_sqrt",
+                                       NULL };
     return is_one_of(s->info.transfer, odd);
 }
 
 static bool is_wide(const saga_source *s)
 {
-    static const char *const wide[] = {"bt2020", "smpte428", "smpte431",
-                                       "smpte432", "film", NULL};
+    static const char *const wide[] = { "bt2020",   "smpte428", "smpte431",
+                                        "smpte432", "film",     NULL };
     return !is_hdr(s) && is_one_of(s->info.primaries, wide);
 }
 
@@ -97,8 +98,7 @@ static int name_those(const saga_listing *l, bool (*is)(const saga_source *),
     for (int i = 0; i < l->n_sources && found < MOST && used < n; i++)
         if (is(&l->sources[i]))
             used += (size_t)snprintf(text + used, n - used, "%s%.60s",
-                                     found++ ? ", " : "",
-                                     l->sources[i].name);
+                                     found++ ? ", " : "", l->sources[i].name);
     if (n_all > found && used < n)
         (void)snprintf(text + used, n - used, " and %d more", n_all - found);
     return n_all;
@@ -112,19 +112,20 @@ static void note_facts(saga_listing *l, bool alpha_masks)
         bool (*is)(const saga_source *s);
         const char *text;
     } facts[] = {
-        {is_untagged, "colour: video without a matrix tag is assumed to be "
-                      "BT.709"},
-        {is_hdr, "colour: HDR (HLG or PQ) is read as if it were SDR, so that "
-                 "it is flat and differs from SDR cameras; convert it to "
-                 "BT.709 first"},
-        {is_odd_transfer, "colour: values are linear or logarithmic, but are "
-                          "read as those of BT.709; convert them first"},
-        {is_wide, "colour: wide primaries (BT.2020 or P3) are read as those of "
-                  "BT.709, so that colours are pale; convert them first"},
-        {is_interlaced, "time: interlaced; each frame is deinterlaced (bwdif) "
-                        "at the time of its first field"},
-        {has_alpha, "alpha: transparent pixels lie over black; --alpha-masks "
-                    "ignores them"},
+        { is_untagged, "colour: video without a matrix tag is assumed to be "
+                       "BT.709" },
+        { is_hdr, "colour: HDR (HLG or PQ) is read as if it were SDR, so that "
+                  "it is flat and differs from SDR cameras; convert it to "
+                  "BT.709 first" },
+        { is_odd_transfer, "colour: values are linear or logarithmic, but are "
+                           "read as those of BT.709; convert them first" },
+        { is_wide,
+          "colour: wide primaries (BT.2020 or P3) are read as those of "
+          "BT.709, so that colours are pale; convert them first" },
+        { is_interlaced, "time: interlaced; each frame is deinterlaced (bwdif) "
+                         "at the time of its first field" },
+        { has_alpha, "alpha: transparent pixels lie over black; --alpha-masks "
+                     "ignores them" },
     };
     const size_t n_facts = sizeof facts / sizeof facts[0];
     for (size_t i = 0; i < n_facts - alpha_masks; i++) {
@@ -160,8 +161,8 @@ static bool match_rates(const saga_listing *listing, int n, saga_error *error)
     return (apart <= (steady ? 0.002 : 0.2) * rate &&
             (timed || apart * (n - 1) <= 0.5 * rate)) ||
            saga_fail(error, fast->video, "give all cameras one frame rate",
-                     "has %.6g frames per second, %s has %.6g",
-                     fast->info.fps, slow->name, slow->info.fps);
+                     "has %.6g frames per second, %s has %.6g", fast->info.fps,
+                     slow->name, slow->info.fps);
 }
 
 /* Returns the rate on whose grid frames are paired: that of the first video
@@ -179,7 +180,8 @@ static void note_rate(saga_listing *l, double rate)
     if (l->fps == 0.0)
         l->fps = rate;
     if (rate > 0.0 && fabs(l->fps / rate - 1.0) > 0.002)
-        saga_note(l->notes, "time: \"fps\" says %.6g frames per second, the "
+        saga_note(l->notes,
+                  "time: \"fps\" says %.6g frames per second, the "
                   "videos have %.6g (%s); \"fps\" is used, which plays them "
                   "%.3g times as fast; remove it if that is not meant",
                   l->fps, rate, l->sources[0].name, l->fps / rate);
@@ -204,19 +206,21 @@ static bool map_frames(saga_source *s, double rate, int *n_lost,
     const int n = s->info.n_frames;
     int j = 0;
     s->n_moments = n;
-    while (j < n && s->info.stamps && rate > 0.0 &&
-           moment_of(s, rate, j) == j)
+    while (j < n && s->info.stamps && rate > 0.0 && moment_of(s, rate, j) == j)
         j++;
     if (j == n || !s->info.stamps || !(rate > 0.0))
         return true;
     const double last = moment_of(s, rate, n - 1);
     if (last >= SAGA_MAX_FRAMES)
-        return saga_fail(error, s->video, "cut it, or copy it with new time "
-                         "stamps", "%d frames take %.0f moments by their time "
-                         "stamps", n, last + 1.0);
+        return saga_fail(error, s->video,
+                         "cut it, or copy it with new time "
+                         "stamps",
+                         "%d frames take %.0f moments by their time "
+                         "stamps",
+                         n, last + 1.0);
     s->n_moments = (int)last + 1;
-    s->frames =
-        saga_alloc((size_t)s->n_moments, sizeof *s->frames, s->video, error);
+    s->frames = saga_alloc((size_t)s->n_moments, sizeof *s->frames, s->video,
+                           error);
     if (!s->frames)
         return false;
     for (int m = 0; m < s->n_moments; m++)
@@ -229,8 +233,8 @@ static bool map_frames(saga_source *s, double rate, int *n_lost,
         const double *const t = s->info.stamps;
         if (*at < 0)
             --*n_lost;
-        if (*at < 0 || fabs((t[j] - t[0]) * rate - m) <
-                           fabs((t[*at] - t[0]) * rate - m))
+        if (*at < 0 ||
+            fabs((t[j] - t[0]) * rate - m) < fabs((t[*at] - t[0]) * rate - m))
             *at = j;
     }
     return true;
@@ -250,10 +254,11 @@ static bool map_all(saga_listing *l, double rate, saga_error *error)
             return false;
     const int n = name_those(l, is_mapped, names, sizeof names);
     if (n > 0)
-        saga_note(l->notes, "time: frames were dropped, or come at a variable "
+        saga_note(l->notes,
+                  "time: frames were dropped, or come at a variable "
                   "or another rate; they are paired by time stamp, and %d "
-                  "moments lack a picture: %s (%d of %d)", n_lost, names, n,
-                  l->n_sources);
+                  "moments lack a picture: %s (%d of %d)",
+                  n_lost, names, n, l->n_sources);
     return true;
 }
 
@@ -292,7 +297,8 @@ static void compare_starts(saga_listing *l, double rate)
         l->sources[i].behind = (last - l->sources[i].info.stamps[0]) * rate;
     if (!own_clock && overlap(l)) {
         (void)name_those(l, is_behind, names, sizeof names);
-        saga_note(l->notes, "time: by their time stamps videos begin up to "
+        saga_note(l->notes,
+                  "time: by their time stamps videos begin up to "
                   "%.4g frames before the last one, and are paired so: %s; "
                   "--late shifts them further",
                   (last - first) * rate, names);
@@ -301,9 +307,11 @@ static void compare_starts(saga_listing *l, double rate)
     /* Clocks that were never set together say nothing. */
     for (int i = 0; i < l->n_sources; i++)
         l->sources[i].behind = 0.0;
-    saga_note(l->notes, "time: time stamps begin up to %.6g s apart, which "
+    saga_note(l->notes,
+              "time: time stamps begin up to %.6g s apart, which "
               "does not tell when cameras began; videos are paired from their "
-              "first frames", last - first);
+              "first frames",
+              last - first);
 }
 
 /* ------------------------------------------------------------------ lengths */
@@ -324,7 +332,8 @@ bool saga_listing_match_videos(saga_listing *listing,
     note_facts(listing, options->alpha_masks);
     for (int i = 1; i < listing->n_sources; i++)
         n = listing->sources[i].info.n_frames < n
-                ? listing->sources[i].info.n_frames : n;
+                ? listing->sources[i].info.n_frames
+                : n;
     if (!match_rates(listing, wanted > 0 && wanted < n ? wanted : n, error))
         return false;
     const double rate = rate_of(listing);
@@ -351,16 +360,19 @@ bool saga_listing_match_videos(saga_listing *listing,
     /* They may also differ if time stamps or --late give the frames that belong
      * together, or if the caller accepts any length. */
     if (most > 0.0 || options->late || options->any_length) {
-        saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; "
+        saga_note(listing->notes,
+                  "lengths: %s has %d frames, %s has %d; "
                   "frames after the end of the shortest are not used",
                   shortest->name, least, longest->name, greatest);
         return true;
     }
     char remedy[160];
-    (void)snprintf(remedy, sizeof remedy, "if `saga check` finds that they "
+    (void)snprintf(remedy, sizeof remedy,
+                   "if `saga check` finds that they "
                    "start together, give --frames 0:%d, else give --late",
                    least);
-    return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
-                     "%s has %d frames, %s has %d", shortest->name, least,
-                     longest->name, greatest);
+    return saga_fail(error, shortest->video, remedy,
+                     "unequal frame counts: "
+                     "%s has %d frames, %s has %d",
+                     shortest->name, least, longest->name, greatest);
 }

@@ -20,8 +20,8 @@
 
 saga_capture_options saga_capture_defaults(void)
 {
-    return (saga_capture_options){.scale = 1,
-                                  .memory_nbytes = (uint64_t)4 << 30};
+    return (saga_capture_options){ .scale = 1,
+                                   .memory_nbytes = (uint64_t)4 << 30 };
 }
 
 /* ------------------------------------------------------------------ options */
@@ -41,17 +41,17 @@ static bool check_options(const saga_capture_options *o, const char *path,
 }
 
 static bool choose_range(saga_capture *capture, const saga_listing *listing,
-                         const saga_capture_options *o,
-                         saga_error *error)
+                         const saga_capture_options *o, saga_error *error)
 {
     const int end = o->end_frame ? o->end_frame : listing->n_frames;
     char remedy[64];
     (void)snprintf(remedy, sizeof remedy, "use a range within 0:%d",
                    listing->n_frames);
     if (end > listing->n_frames || o->first_frame >= end)
-        return saga_fail(error, listing->path, remedy, "--frames %d:%d is not "
-                         "in the capture's %d frames", o->first_frame, end,
-                         listing->n_frames);
+        return saga_fail(error, listing->path, remedy,
+                         "--frames %d:%d is not "
+                         "in the capture's %d frames",
+                         o->first_frame, end, listing->n_frames);
     capture->first_frame = o->first_frame;
     capture->n_frames = end - o->first_frame;
     return true;
@@ -61,7 +61,7 @@ static bool choose_range(saga_capture *capture, const saga_listing *listing,
 
 /* Marks the frames whose picture is missing. view->missing stays NULL if there
  * are none. */
-static bool mark_missing(const saga_load_job *job, saga_shot *view,
+static bool mark_missing(const saga_load_job *job, saga_source_view *view,
                          const saga_source *s)
 {
     const int n = job->capture->n_frames;
@@ -84,7 +84,7 @@ static bool mark_missing(const saga_load_job *job, saga_shot *view,
     return true;
 }
 
-static bool allocate_view(const saga_load_job *job, saga_shot *view,
+static bool allocate_view(const saga_load_job *job, saga_source_view *view,
                           const saga_source *s)
 {
     const size_t n_frames = (size_t)job->capture->n_frames;
@@ -106,13 +106,13 @@ static bool allocate_view(const saga_load_job *job, saga_shot *view,
     if (!any || !job->options->want_depth)
         return true;
     /* Only frames that have depth get memory for it; the others stay NULL. */
-    view->depth =
-        saga_calloc(n_frames, sizeof *view->depth, s->name, job->error);
+    view->depth = saga_calloc(n_frames, sizeof *view->depth, s->name,
+                              job->error);
     for (size_t k = 0; view->depth && k < n_frames; k++) {
         if (!s->depths[(size_t)job->capture->first_frame + k])
             continue;
-        view->depth[k] =
-            saga_alloc(px, sizeof **view->depth, s->name, job->error);
+        view->depth[k] = saga_alloc(px, sizeof **view->depth, s->name,
+                                    job->error);
         if (!view->depth[k])
             return false;
     }
@@ -123,16 +123,24 @@ static bool make_view(const saga_load_job *job, int v)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
-    saga_shot *const view = &job->capture->views[v];
-    *view = (saga_shot){
-        .width = m->width, .height = m->height, .fx = m->fx, .fy = m->fy,
-        .cx = m->cx, .cy = m->cy, .near_depth = s->near_depth,
-        .far_depth = s->far_depth, .held_out = s->held_out, .late = s->late,
-        .single = saga_load_is_single(job, s), .original_width = s->width,
-        .original_height = s->height, .focal_scale = m->focal_scale,
-        .n_observations = s->n_observations,
-        .reprojection_median = s->reprojection_median,
-        .reprojection_p90 = s->reprojection_p90};
+    saga_source_view *const view = &job->capture->views[v];
+    *view = (saga_source_view){ .width = m->width,
+                                .height = m->height,
+                                .fx = m->fx,
+                                .fy = m->fy,
+                                .cx = m->cx,
+                                .cy = m->cy,
+                                .near_depth = s->near_depth,
+                                .far_depth = s->far_depth,
+                                .held_out = s->held_out,
+                                .late = s->late,
+                                .single = saga_load_is_single(job, s),
+                                .original_width = s->width,
+                                .original_height = s->height,
+                                .focal_scale = m->focal_scale,
+                                .n_observations = s->n_observations,
+                                .reprojection_median = s->reprojection_median,
+                                .reprojection_p90 = s->reprojection_p90 };
     memcpy(view->name, s->name, sizeof view->name);
     memcpy(view->rotation, s->rotation, sizeof view->rotation);
     memcpy(view->translation, s->translation, sizeof view->translation);
@@ -152,7 +160,7 @@ static void note_decisions(const saga_load_job *job)
     int n_lenses = 0, n_missing = 0, n_lacking = 0, n_most = 0;
     const char *worst = "";
     for (int v = 0; v < job->capture->n_views; v++) {
-        const saga_shot *const view = &job->capture->views[v];
+        const saga_source_view *const view = &job->capture->views[v];
         if (!saga_lens_is_pinhole(&job->listing->sources[v].lens)) {
             least = fmin(least, view->focal_scale);
             most = fmax(most, view->focal_scale);
@@ -166,13 +174,15 @@ static void note_decisions(const saga_load_job *job)
         }
     }
     if (n_lenses > 0)
-        saga_note(notes, "lens: %d of %d cameras undistorted, focal lengths x "
-                  "%.5f to %.5f", n_lenses, job->capture->n_views, least, most);
+        saga_note(notes,
+                  "lens: %d of %d cameras undistorted, focal lengths x "
+                  "%.5f to %.5f",
+                  n_lenses, job->capture->n_views, least, most);
     if (n_missing > 0 && !job->capture->moves)
-        saga_note(notes, "pictures: %d are missing and are skipped; they "
+        saga_note(notes,
+                  "pictures: %d are missing and are skipped; they "
                   "belong to %d cameras, most of them to %s (%d of %d)",
-                  n_missing,
-                  n_lacking, worst, n_most, job->capture->n_frames);
+                  n_missing, n_lacking, worst, n_most, job->capture->n_frames);
 }
 
 static bool fill_capture(saga_load_job *job)
@@ -192,7 +202,8 @@ static bool fill_capture(saga_load_job *job)
      * cheaper. */
     saga_error *const told = job->options->no_overlap;
     return (saga_check_overlap(c, listing->path, told ? told : job->error) ||
-            told) && saga_load_pictures(job);
+            told) &&
+           saga_load_pictures(job);
 }
 
 /* ------------------------------------------------------------------ capture */
@@ -210,10 +221,12 @@ static bool check_focal(const saga_source *s, const char *path,
     if (!(fmin(x, y) > 0.0) ||
         (fmin(x, y) >= MIN_FOCAL && fmax(x, y) <= MAX_FOCAL))
         return true;
-    return saga_fail(error, path, "give focal lengths in pixels of these "
-                     "pictures", "%s has focal lengths of %g and %g pixels "
-                     "for pictures of %d x %d", s->name, s->lens.fx,
-                     s->lens.fy, s->width, s->height);
+    return saga_fail(error, path,
+                     "give focal lengths in pixels of these "
+                     "pictures",
+                     "%s has focal lengths of %g and %g pixels "
+                     "for pictures of %d x %d",
+                     s->name, s->lens.fx, s->lens.fy, s->width, s->height);
 }
 
 /* Accepts the rates that a file can store in 1/1000 frame per second with at
@@ -221,9 +234,10 @@ static bool check_focal(const saga_source *s, const char *path,
 static bool check_fps(double fps, const char *path, saga_error *error)
 {
     return (fps >= 0.1 && fps <= 1e5) ||
-           saga_fail(error, path, "give \"fps\", frames per second, or times "
-                     "in seconds", "its frame rate is %g, not 0.1 to 100000",
-                     fps);
+           saga_fail(error, path,
+                     "give \"fps\", frames per second, or times "
+                     "in seconds",
+                     "its frame rate is %g, not 0.1 to 100000", fps);
 }
 
 /* Returns a file that a source has, or the capture's path, for messages. */
@@ -262,11 +276,10 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
     capture->scale = options->scale;
     /* The rate in the capture overrides the option; for metres, below, the
      * option overrides the capture. */
-    capture->fps = listing->fps > 0.0      ? listing->fps
+    capture->fps = listing->fps > 0.0   ? listing->fps
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
-    capture->metres = options->metres > 0.0 ? options->metres
-                                            : listing->metres;
+    capture->metres = options->metres > 0.0 ? options->metres : listing->metres;
     return check_fps(capture->fps, listing->path, error) &&
            choose_range(capture, listing, options, error);
 }
@@ -277,8 +290,8 @@ static void count_learned(saga_capture *capture, const saga_load_job *job)
     const double scale = job->options->scale;
     for (int v = 0; v < job->listing->n_sources; v++) {
         const saga_remap *const m = &job->remaps[v];
-        const double px =
-            floor(m->full_width / scale) * floor(m->full_height / scale);
+        const double px = floor(m->full_width / scale) *
+                          floor(m->full_height / scale);
         if (job->listing->sources[v].held_out)
             continue;
         capture->n_learned++;
@@ -303,12 +316,14 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                       const saga_capture_options *options, bool pictures,
                       saga_error *error)
 {
-    saga_load_job job = {.options = options, .listing = listing,
-                         .capture = capture, .error = error,
-                         .first_failed = INT32_MAX,
-                         .n_threads = options->n_threads > 0
-                                          ? options->n_threads
-                                          : omp_get_max_threads()};
+    saga_load_job job = { .options = options,
+                          .listing = listing,
+                          .capture = capture,
+                          .error = error,
+                          .first_failed = INT32_MAX,
+                          .n_threads = options->n_threads > 0
+                                           ? options->n_threads
+                                           : omp_get_max_threads() };
     if (!choose_frames(capture, listing, options, error))
         return false;
     job.remaps = saga_calloc((size_t)listing->n_sources, sizeof *job.remaps,
@@ -336,8 +351,8 @@ static bool list_and_carry_out(saga_capture *capture, const char *path,
                                const saga_capture_options *options,
                                bool pictures, saga_error *error)
 {
-    saga_listing listing = {.path = path};
-    *capture = (saga_capture){0};
+    saga_listing listing = { .path = path };
+    *capture = (saga_capture){ 0 };
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
@@ -348,15 +363,13 @@ static bool list_and_carry_out(saga_capture *capture, const char *path,
 }
 
 bool saga_capture_look(saga_capture *capture, const char *path,
-                       const saga_capture_options *options,
-                       saga_error *error)
+                       const saga_capture_options *options, saga_error *error)
 {
     return list_and_carry_out(capture, path, options, false, error);
 }
 
 bool saga_capture_load(saga_capture *capture, const char *path,
-                       const saga_capture_options *options,
-                       saga_error *error)
+                       const saga_capture_options *options, saga_error *error)
 {
     if (list_and_carry_out(capture, path, options, true, error))
         return true;

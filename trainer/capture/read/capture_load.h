@@ -13,8 +13,7 @@ saga_capture_options saga_capture_defaults(void);
 /* Loads the capture in a folder (or its transforms.json). If it fails, *error
  * says why and *capture is empty. */
 bool saga_capture_load(saga_capture *capture, const char *path,
-                       const saga_capture_options *options,
-                       saga_error *error);
+                       const saga_capture_options *options, saga_error *error);
 
 /* Sets those members of *capture that are known before a picture is decoded:
  * format, frames, frame rate, n_fitting, number and pixels of the training
@@ -22,7 +21,6 @@ bool saga_capture_load(saga_capture *capture, const char *path,
  * that must be freed. It fails like saga_capture_load, except that it does not
  * check the memory budget. */
 bool saga_capture_look(saga_capture *capture, const char *path,
-                       const saga_capture_options *options,
-                       saga_error *error);
+                       const saga_capture_options *options, saga_error *error);
 
 #endif

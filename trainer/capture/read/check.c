@@ -12,8 +12,8 @@ enum { FEW_POINTS = 8 };
 
 /* Tells whether a view sees a point. flip = -1 negates the camera's y and z
  * axes, 1 leaves them. */
-static bool sees(const saga_shot *view, const double world[3], double flip,
-                 double *depth)
+static bool sees(const saga_source_view *view, const double world[3],
+                 double flip, double *depth)
 {
     double c[3];
     saga_view_transform(view, world, c);
@@ -63,14 +63,16 @@ bool saga_check_hands(const saga_listing *listing, saga_error *error)
             n++;
         }
     return n == 0 ||
-           saga_fail(error, listing->path, n < listing->n_sources
-                     ? "export all poses again, with right-handed axes"
-                     : "a left-handed program wrote them: export them with "
-                       "right-handed axes, or reverse one axis of the world "
-                       "in all matrices, or one axis of the cameras",
-                     "the poses of %d of %d cameras, among them %s, are "
-                     "mirror images (determinant -1)", n, listing->n_sources,
-                     odd->name);
+           saga_fail(
+               error, listing->path,
+               n < listing->n_sources
+                   ? "export all poses again, with right-handed axes"
+                   : "a left-handed program wrote them: export them with "
+                     "right-handed axes, or reverse one axis of the world "
+                     "in all matrices, or one axis of the cameras",
+               "the poses of %d of %d cameras, among them %s, are "
+               "mirror images (determinant -1)",
+               n, listing->n_sources, odd->name);
 }
 
 static bool overlap_by_points(saga_capture *capture, const char *path,
@@ -85,20 +87,21 @@ static bool overlap_by_points(saga_capture *capture, const char *path,
     /* If the poses are in OpenGL's axes, the scene is behind the cameras, which
      * see most points once their axes are negated. */
     const bool flipped = count_shared(capture, -1.0) > n / 2;
-    return saga_fail(error, path, flipped
-                     ? "the poses look like the other axis convention: "
-                       "negate columns 1 and 2 of the camera-to-world "
-                       "matrices"
-                     : "check the poses, their axis convention and that the "
-                       "points are in the same world",
-                     "no overlap: only %zu of %zu points lie in front of and "
-                     "inside two or more of the %d cameras", shared, n,
-                     capture->n_views);
+    return saga_fail(
+        error, path,
+        flipped ? "the poses look like the other axis convention: "
+                  "negate columns 1 and 2 of the camera-to-world "
+                  "matrices"
+                : "check the poses, their axis convention and that the "
+                  "points are in the same world",
+        "no overlap: only %zu of %zu points lie in front of and "
+        "inside two or more of the %d cameras",
+        shared, n, capture->n_views);
 }
 
 static double rig_size(const saga_capture *capture)
 {
-    double first[3] = {0}, size = 0.0;
+    double first[3] = { 0 }, size = 0.0;
     for (int v = 0; v < capture->n_views; v++) {
         double c[3], d2 = 0.0;
         saga_pose_centre(capture->views[v].rotation,
@@ -115,14 +118,15 @@ static double rig_size(const saga_capture *capture)
 
 /* Tells whether b sees any of the points that a may see at depths of 1/4 to 16
  * times the size of the rig. */
-static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
+static bool frusta_meet(const saga_source_view *a, const saga_source_view *b,
+                        double size)
 {
     /* Seven depths, each twice the last, and at each depth 5 x 5 rays through
      * the centres of equal boxes in a's picture. */
     for (double z = 0.25 * size; z <= 16.0 * size; z *= 2.0)
         for (int i = 0; i < 25; i++) {
-            const double uv[2] = {a->width * (i % 5 + 0.5) / 5,
-                                  a->height * (i / 5 + 0.5) / 5};
+            const double uv[2] = { a->width * (i % 5 + 0.5) / 5,
+                                   a->height * (i / 5 + 0.5) / 5 };
             double world[3], depth;
             saga_view_lift(a, uv, z, world);
             if (sees(b, world, 1.0, &depth))
@@ -142,7 +146,8 @@ static bool overlap_by_frusta(const saga_capture *capture, const char *path,
                 return true;
     return saga_fail(error, path, "check the poses and their axis convention",
                      "no overlap: no two of the %d cameras look at anything "
-                     "in common", capture->n_views);
+                     "in common",
+                     capture->n_views);
 }
 
 bool saga_check_overlap(saga_capture *capture, const char *path,
@@ -150,7 +155,9 @@ bool saga_check_overlap(saga_capture *capture, const char *path,
 {
     static const saga_note_kind away = {
         "warning: hardly any points are in view, as of cameras that look "
-        "away: ", ""};
+        "away: ",
+        ""
+    };
     if (capture->n_points >= FEW_POINTS)
         for (int v = 0; v < capture->n_views; v++) {
             const double share = share_seen(capture, v);

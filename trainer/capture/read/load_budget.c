@@ -36,15 +36,16 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
-    const double px =
-        floor(m->full_width / scale) * floor(m->full_height / scale);
+    const double px = floor(m->full_width / scale) *
+                      floor(m->full_height / scale);
     /* Pictures take 3 bytes per pixel, and masks one more. */
     double n = (saga_load_has_masks(job, s) ? 4.0 : 3.0) * px *
                (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
     /* Depth takes 4 bytes per pixel, for each frame that has it, even in a view
      * with a single picture. */
-    for (int k = 0; s->depths && job->options->want_depth &&
-                    k < job->capture->n_frames; k++)
+    for (int k = 0;
+         s->depths && job->options->want_depth && k < job->capture->n_frames;
+         k++)
         if (s->depths[job->capture->first_frame + k])
             n += 4.0 * px;
     return n;
@@ -148,10 +149,11 @@ bool saga_load_check_budget(const saga_load_job *job)
     const saga_source *const s = &job->listing->sources[0];
     char remedy[200];
     say_remedy(job, need, remedy, sizeof remedy);
-    return saga_fail(job->error, job->listing->path, remedy, "%d cameras x %d "
+    return saga_fail(job->error, job->listing->path, remedy,
+                     "%d cameras x %d "
                      "frames of %d x %d pixels at 1/%d need %.1f MiB, the "
-                     "budget is %.1f MiB", job->listing->n_sources,
-                     job->capture->n_frames, s->width, s->height,
-                     job->options->scale, need / 1048576.0,
+                     "budget is %.1f MiB",
+                     job->listing->n_sources, job->capture->n_frames, s->width,
+                     s->height, job->options->scale, need / 1048576.0,
                      (double)job->options->memory_nbytes / 1048576.0);
 }

@@ -13,12 +13,12 @@ typedef struct saga_load_job {
     const saga_capture_options *options;
     const saga_listing *listing;
     saga_capture *capture;
-    saga_remap *remaps;       /* (n_views): planned, but without tables */
+    saga_remap *remaps; /* (n_views): planned, but without tables */
     int n_threads;
     saga_error *error;
     /* Guarded by "omp critical(saga_load)". */
-    int first_failed;         /* lowest item that failed; INT32_MAX: none; -1:
-                               * cancelled */
+    int first_failed; /* lowest item that failed; INT32_MAX: none; -1:
+                       * cancelled */
     int n_done, n_items;
 } saga_load_job;
 

@@ -28,8 +28,8 @@ static void item_done(saga_load_job *job, int item, bool ok,
         job->n_done++;
         const saga_capture_options *const o = job->options;
         if (job->first_failed == INT32_MAX && o->progress &&
-            !o->progress(o->progress_user,
-                         (double)job->n_done / job->n_items, "loading")) {
+            !o->progress(o->progress_user, (double)job->n_done / job->n_items,
+                         "loading")) {
             job->first_failed = -1;
             saga_fail(job->error, job->listing->path, NULL, "cancelled");
         }
@@ -50,9 +50,9 @@ static bool item_skipped(saga_load_job *job, int item)
 
 static uint8_t *frame_to_fill(const saga_load_job *job, int v, int k)
 {
-    const saga_shot *const view = &job->capture->views[v];
-    return view->rgb + saga_view_frame_nbytes(view) *
-                           (size_t)(view->single ? 0 : k);
+    const saga_source_view *const view = &job->capture->views[v];
+    return view->rgb +
+           saga_view_frame_nbytes(view) * (size_t)(view->single ? 0 : k);
 }
 
 /* Fills a view's mask from a picture of its source, which is black or white.
@@ -62,7 +62,7 @@ static bool fill_mask(const saga_load_job *job, int v, int k,
                       const saga_remap *remap, const uint8_t *rgb,
                       saga_error *error)
 {
-    const saga_shot *const view = &job->capture->views[v];
+    const saga_source_view *const view = &job->capture->views[v];
     const size_t n = (size_t)view->width * (size_t)view->height;
     uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
     uint8_t *const small = saga_alloc(n, 3, view->name, error);
@@ -95,7 +95,7 @@ static void split_opacity(uint8_t *pixels, size_t n, uint8_t *mask)
 /* A picture as it is read: RGB, or RGBA with room for the mask that its opacity
  * is. */
 typedef struct canvas {
-    uint8_t *pixels, *mask;   /* no mask: NULL */
+    uint8_t *pixels, *mask; /* no mask: NULL */
 } canvas;
 
 static bool make_canvas(canvas *c, const saga_load_job *job,
@@ -177,7 +177,7 @@ static void load_video(saga_load_job *job, int v)
     const saga_source *const s = &job->listing->sources[v];
     saga_error error = { "" };
     saga_remap remap = job->remaps[v];
-    canvas at = {NULL, NULL};
+    canvas at = { NULL, NULL };
     bool ok = make_canvas(&at, job, s, s->video, &error) &&
               saga_remap_build(&remap, &s->lens, s->video, &error);
     ok = ok && read_video(job, v, &remap, &at, &error);
@@ -193,9 +193,11 @@ static bool read_picture(const saga_load_job *job, int v, int k,
     const char *const path = s->pictures[job->capture->first_frame + k];
     canvas at;
     bool ok = make_canvas(&at, job, s, path, error);
-    const saga_picture_wish wish = {
-        .width = s->width, .height = s->height, .upright = s->upright,
-        .form = at.mask ? SAGA_PICTURE_RGBA : SAGA_PICTURE_RGB};
+    const saga_picture_wish wish = { .width = s->width,
+                                     .height = s->height,
+                                     .upright = s->upright,
+                                     .form = at.mask ? SAGA_PICTURE_RGBA
+                                                     : SAGA_PICTURE_RGB };
     ok = ok && saga_picture_read(path, &wish, at.pixels, error) &&
          fill_picture(job, v, k, remap, &at, error);
     free_canvas(&at);
@@ -238,9 +240,10 @@ static bool read_mask(const saga_load_job *job, int v, int k,
     const saga_source *const s = &job->listing->sources[v];
     const char *const path = mask_file(job, v, k);
     const size_t n = (size_t)s->width * (size_t)s->height;
-    const saga_picture_wish wish = {
-        .width = s->width, .height = s->height, .upright = s->upright,
-        .form = SAGA_PICTURE_MASK};
+    const saga_picture_wish wish = { .width = s->width,
+                                     .height = s->height,
+                                     .upright = s->upright,
+                                     .form = SAGA_PICTURE_MASK };
     uint8_t *const buffer = saga_alloc(n, 3, path, error);
     bool ok = buffer && saga_picture_read(path, &wish, buffer, error);
     if (ok) {
@@ -265,11 +268,11 @@ static void load_depth(saga_load_job *job, int v, int k,
                        const saga_remap *remap)
 {
     const saga_source *const s = &job->listing->sources[v];
-    const saga_shot *const view = &job->capture->views[v];
+    const saga_source_view *const view = &job->capture->views[v];
     const char *const path = s->depths[job->capture->first_frame + k];
     saga_error error = { "" };
-    float *const buffer =
-        saga_alloc((size_t)s->width * (size_t)s->height, 4, path, &error);
+    float *const buffer = saga_alloc((size_t)s->width * (size_t)s->height, 4,
+                                     path, &error);
     const bool ok = buffer && saga_exr_read_depth(path, s->width, s->height,
                                                   buffer, &error);
     if (ok)
@@ -316,7 +319,7 @@ static void load_view(saga_load_job *job, int v, load_what what)
 static void fill_missing(saga_load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
-    const saga_shot *const view = &c->views[v];
+    const saga_source_view *const view = &c->views[v];
     const size_t n = (size_t)view->width * (size_t)view->height;
     for (int k = 0; k < saga_view_n_held(view, c->n_frames); k++) {
         const int from = saga_capture_near(c, v, k);
@@ -334,7 +337,7 @@ static void fill_missing(saga_load_job *job, int v)
 static bool check_mask(const saga_load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
-    const saga_shot *const view = &c->views[v];
+    const saga_source_view *const view = &c->views[v];
     const saga_source *const s = &job->listing->sources[v];
     const size_t n = (size_t)view->width * (size_t)view->height *
                      (size_t)saga_view_n_held(view, c->n_frames);
@@ -342,13 +345,16 @@ static bool check_mask(const saga_load_job *job, int v)
     if (view->n_missing == c->n_frames || memchr(view->mask, 1, n))
         return true;
     for (int k = 0; k < c->n_frames && !path; k++) {
-        const char *const picture =
-            s->pictures ? s->pictures[c->first_frame + k] : s->video;
+        const char *const picture = s->pictures
+                                        ? s->pictures[c->first_frame + k]
+                                        : s->video;
         path = mask_file(job, v, k) ? mask_file(job, v, k) : picture;
     }
-    return saga_fail(job->error, path, "make the masks white, or with "
+    return saga_fail(job->error, path,
+                     "make the masks white, or with "
                      "--alpha-masks the pictures opaque, where pixels count; "
-                     "or leave the camera out", "its mask leaves no pixel of "
+                     "or leave the camera out",
+                     "its mask leaves no pixel of "
                      "camera %s, and no other mask of this camera does",
                      view->name);
 }
@@ -357,7 +363,7 @@ static bool check_mask(const saga_load_job *job, int v)
  * or with black if there is none. Time is linear in the number of frames. */
 static void fill_masked(saga_load_job *job, int v)
 {
-    const saga_shot *const view = &job->capture->views[v];
+    const saga_source_view *const view = &job->capture->views[v];
     const int n = (int)((size_t)view->width * (size_t)view->height);
     const int n_frames = saga_view_n_held(view, job->capture->n_frames);
     const size_t size = saga_view_frame_nbytes(view);
@@ -370,14 +376,15 @@ static void fill_masked(saga_load_job *job, int v)
             /* last <= k and next >= k are the nearest frames in which the pixel
              * counts, or -1 and n_frames if there are none. */
             if (next < k)
-                for (next = k; next < n_frames &&
-                               !counts[(size_t)n * (size_t)next];)
+                for (next = k;
+                     next < n_frames && !counts[(size_t)n * (size_t)next];)
                     next++;
             if (next == k)
                 last = k;
-            const int from = last >= 0 && (next == n_frames ||
-                                           k - last <= next - k)
-                                 ? last : next;
+            const int from = last >= 0 &&
+                                     (next == n_frames || k - last <= next - k)
+                                 ? last
+                                 : next;
             /* Only frames in which the pixel does not count are written, so
              * that copies always come from filmed pixels. */
             if (from == n_frames)

@@ -12,9 +12,9 @@
 
 enum {
     N = SAGA_BUNDLE_N,
-    MOST_STEPS = 40,         /* steps of the Levenberg-Marquardt method */
-    MOST_TRIES = 8           /* increases of the damping before a step is given
-                              * up */
+    MOST_STEPS = 40, /* steps of the Levenberg-Marquardt method */
+    MOST_TRIES = 8   /* increases of the damping before a step is given
+                      * up */
 };
 
 /* Standard deviations of a camera's change, which enter the cost: of its
@@ -25,20 +25,20 @@ enum {
  * count little. */
 static const double loose_turn = 0.02, loose_shift = 0.02, loose_focal = 0.03,
                     loose_centre = 0.005;
-static const double enough = 1e-7;   /* a smaller relative gain of the cost ends
-                                      * the adjustment */
+static const double enough = 1e-7; /* a smaller relative gain of the cost ends
+                                    * the adjustment */
 static const double cos_parallel = 0.99985; /* cosine of 1 degree */
 
 typedef struct work {
     saga_bundle *b;
-    size_t n;                /* number of unknowns of all cameras */
-    double *s;               /* (n, n) lower triangle of the reduced matrix */
-    double *g;               /* (n) right side of the equations; then the
-                              * step */
-    double (*moved)[N];      /* (n_cameras) change since the beginning */
-    double *strict;          /* (n_cameras, N) 1 / deviation^2 */
-    saga_pinhole *cameras;   /* (n_cameras) before a step */
-    double (*places)[3];     /* (n_places) before a step */
+    size_t n;              /* number of unknowns of all cameras */
+    double *s;             /* (n, n) lower triangle of the reduced matrix */
+    double *g;             /* (n) right side of the equations; then the
+                            * step */
+    double (*moved)[N];    /* (n_cameras) change since the beginning */
+    double *strict;        /* (n_cameras, N) 1 / deviation^2 */
+    saga_pinhole *cameras; /* (n_cameras) before a step */
+    double (*places)[3];   /* (n_places) before a step */
     double damping;
 } work;
 
@@ -81,7 +81,7 @@ bool saga_bundle_differ(double off[2], double by_camera[2][SAGA_BUNDLE_N],
          * / dX. */
         const double f = camera->lens[k] / x[2], ratio = x[k] / x[2];
         double *const c = by_camera[k];
-        double d[3] = {0.0, 0.0, -f * ratio};
+        double d[3] = { 0.0, 0.0, -f * ratio };
         d[k] = f;
         off[k] = camera->lens[k] * ratio + camera->lens[2 + k] - at[k];
         /* The derivatives of X are e_i x X by turn_i, I by the shift, and R by
@@ -109,14 +109,15 @@ static void direction_of(double d[3], const saga_pinhole *c,
     const double norm = sqrt(x * x + y * y + 1.0);
     for (int i = 0; i < 3; i++)
         d[i] = (c->rotation[i] * x + c->rotation[3 + i] * y +
-                c->rotation[6 + i]) / norm;
+                c->rotation[6 + i]) /
+               norm;
 }
 
 bool saga_bundle_meet(double place[3], const saga_pinhole *cameras,
                       const saga_sight *sights, size_t n)
 {
     saga_matrix a;
-    double first[3] = {0.0}, d[3], centre[3], least = 1.0;
+    double first[3] = { 0.0 }, d[3], centre[3], least = 1.0;
     memset(a, 0, sizeof a);
     place[0] = place[1] = place[2] = 0.0;
     /* The squared distance from a ray is |(I - d d^T) (x - centre)|^2. */
@@ -177,7 +178,7 @@ static double cost_of(const work *w)
 /* The part of one sight in the normal equations. */
 typedef struct part {
     double off[2], by_camera[2][N], by_place[2][3], weight;
-    double cross[N][3];      /* W = weight by_camera^T by_place */
+    double cross[N][3]; /* W = weight by_camera^T by_place */
 } part;
 
 static part part_of(const work *w, const saga_sight *s)
@@ -188,7 +189,7 @@ static part part_of(const work *w, const saga_sight *s)
                              &b->cameras[s->camera], b->places[s->place],
                              s->at);
     p.weight = 1.0 / (1.0 + (p.off[0] * p.off[0] + p.off[1] * p.off[1]) /
-                            (b->within * b->within));
+                                (b->within * b->within));
     for (int k = 0; k < N; k++)
         for (int i = 0; i < 3; i++)
             p.cross[k][i] = p.weight * (p.by_camera[0][k] * p.by_place[0][i] +
@@ -201,7 +202,7 @@ static part part_of(const work *w, const saga_sight *s)
 static void invert_place(double inverse[3][3], double right[3], const work *w,
                          const part *p, size_t n)
 {
-    double v[3][3] = {{0.0}};
+    double v[3][3] = { { 0.0 } };
     right[0] = right[1] = right[2] = 0.0;
     for (size_t k = 0; k < n; k++)
         for (int l = 0; l < 2; l++)
@@ -241,18 +242,20 @@ static void reduce_place(work *w, const saga_sight *s, const part *p, size_t n)
                        p[k].cross[a][1] * inverse[1][i] +
                        p[k].cross[a][2] * inverse[2][i];
             g[a] -= y[0] * right[0] + y[1] * right[1] + y[2] * right[2];
-            double *const row =
-                w->s + ((size_t)s[k].camera * N + (size_t)a) * w->n;
+            double *const row = w->s +
+                                ((size_t)s[k].camera * N + (size_t)a) * w->n;
             for (int l = 0; l < 2; l++) {
                 g[a] -= p[k].weight * p[k].by_camera[l][a] * p[k].off[l];
                 for (int b = 0; b < N; b++)
                     row[s[k].camera * N + b] += p[k].weight *
-                        p[k].by_camera[l][a] * p[k].by_camera[l][b];
+                                                p[k].by_camera[l][a] *
+                                                p[k].by_camera[l][b];
             }
             for (size_t m = 0; m < n; m++)
                 for (int b = 0; b < N; b++)
                     row[s[m].camera * N + b] -= y[0] * p[m].cross[b][0] +
-                        y[1] * p[m].cross[b][1] + y[2] * p[m].cross[b][2];
+                                                y[1] * p[m].cross[b][1] +
+                                                y[2] * p[m].cross[b][2];
         }
     }
 }
@@ -282,7 +285,8 @@ static void each_place(work *w, part *parts,
     const saga_bundle *const b = w->b;
     for (size_t i = 0, n; i < b->n_sights; i += n) {
         for (n = 0; i + n < b->n_sights &&
-                    b->sights[i + n].place == b->sights[i].place; n++)
+                    b->sights[i + n].place == b->sights[i].place;
+             n++)
             parts[n] = part_of(w, &b->sights[i + n]);
         visit(w, b->sights + i, parts, n);
     }
@@ -310,7 +314,7 @@ static void solve(double *s, double *x, size_t n)
 }
 
 /* Takes one damped step from the cameras and places that were kept. */
-static void step(work *w, part *parts)
+static void adjust_once(work *w, part *parts)
 {
     memset(w->s, 0, w->n * w->n * sizeof *w->s);
     memset(w->g, 0, w->n * sizeof *w->g);
@@ -353,7 +357,7 @@ static void descend(work *w, part *parts)
          * damping. */
         for (int k = 0; k < MOST_TRIES; k++) {
             keep(w, false);
-            step(w, parts);
+            adjust_once(w, parts);
             const double now = cost_of(w);
             if (now <= cost) {
                 more = cost - now > enough * cost;
@@ -371,10 +375,15 @@ static void set_strict(work *w, double depth)
 {
     for (int i = 0; i < w->b->n_cameras; i++) {
         const double centre = loose_centre * w->b->cameras[i].lens[0];
-        const double loose[N] = {
-            loose_turn, loose_turn, loose_turn, loose_shift * depth,
-            loose_shift * depth, loose_shift * depth, loose_focal, centre,
-            centre};
+        const double loose[N] = { loose_turn,
+                                  loose_turn,
+                                  loose_turn,
+                                  loose_shift * depth,
+                                  loose_shift * depth,
+                                  loose_shift * depth,
+                                  loose_focal,
+                                  centre,
+                                  centre };
         for (int k = 0; k < N; k++)
             w->strict[i * N + k] = 1.0 / (loose[k] * loose[k]);
     }
@@ -398,7 +407,7 @@ bool saga_bundle_adjust(saga_bundle *bundle, saga_error *error)
 {
     static const char what[] = "the cameras";
     const size_t n_cameras = (size_t)bundle->n_cameras;
-    work w = {.b = bundle, .n = n_cameras * N};
+    work w = { .b = bundle, .n = n_cameras * N };
     if (bundle->n_sights == 0)
         return true;
     w.s = saga_alloc(w.n * w.n, sizeof *w.s, what, error);

@@ -16,8 +16,13 @@
 /* Parameters of a camera: a rotation vector about it, in radians; a shift along
  * its axes, in the capture's unit; the logarithm of both focal lengths; the
  * principal point, in pixels. */
-enum { SAGA_BUNDLE_TURN, SAGA_BUNDLE_SHIFT = 3, SAGA_BUNDLE_FOCAL = 6,
-       SAGA_BUNDLE_CENTRE, SAGA_BUNDLE_N = 9 };
+enum {
+    SAGA_BUNDLE_TURN,
+    SAGA_BUNDLE_SHIFT = 3,
+    SAGA_BUNDLE_FOCAL = 6,
+    SAGA_BUNDLE_CENTRE,
+    SAGA_BUNDLE_N = 9
+};
 
 /* A sight: a camera sees a place at a pixel. */
 typedef struct saga_sight {
@@ -27,14 +32,14 @@ typedef struct saga_sight {
 } saga_sight;
 
 typedef struct saga_bundle {
-    saga_pinhole *cameras;   /* (n_cameras) */
+    saga_pinhole *cameras; /* (n_cameras) */
     int n_cameras;
-    double (*places)[3];     /* (n_places) positions in the world */
+    double (*places)[3]; /* (n_places) positions in the world */
     size_t n_places;
-    saga_sight *sights;      /* (n_sights), those of a place together */
+    saga_sight *sights; /* (n_sights), those of a place together */
     size_t n_sights;
-    double within;           /* distance in pixels at which a sight counts
-                              * half */
+    double within; /* distance in pixels at which a sight counts
+                    * half */
 } saga_bundle;
 
 /* Changes a camera by `by`, which has all its parameters: X becomes exp(turn) X

@@ -13,12 +13,12 @@
 #include <string.h>
 
 enum {
-    FEW_PAIRS = 3,           /* with fewer pairs there is no verdict on all
-                              * cameras, because many a mistake makes one pair
-                              * fit */
-    FEW_CARRIED = 30,        /* with fewer places that three cameras see, only
-                              * pairs are judged */
-    FOCAL_STEPS = 8,         /* focal lengths tried per octave */
+    FEW_PAIRS = 3,    /* with fewer pairs there is no verdict on all
+                       * cameras, because many a mistake makes one pair
+                       * fit */
+    FEW_CARRIED = 30, /* with fewer places that three cameras see, only
+                       * pairs are judged */
+    FOCAL_STEPS = 8,  /* focal lengths tried per octave */
     FOCAL_OCTAVES = 2
 };
 
@@ -42,8 +42,8 @@ typedef struct search {
     const saga_capture *c;
     saga_pairs pairs;
     saga_tracks tracks;
-    double *scratch;         /* (SAGA_FEATURES_MOST + 2 x number of pairs) */
-    double *carried;         /* (n_places of the tracks) */
+    double *scratch; /* (SAGA_FEATURES_MOST + 2 x number of pairs) */
+    double *carried; /* (n_places of the tracks) */
 } search;
 
 /* ----------------------------------------------------------------- mistakes */
@@ -109,16 +109,16 @@ static double off_pair(const saga_pair *p, const saga_pinhole *a,
     size_t n_front = 0;
     for (size_t i = 0; i < p->n; i++) {
         bool front;
-        scratch[i] = saga_epipolar_off(a, b, &s, &p->matches[i],
-                                       within, &front);
+        scratch[i] = saga_epipolar_off(a, b, &s, &p->matches[i], within,
+                                       &front);
         n_front += front;
     }
     return (double)n_front < IN_FRONT * (double)p->n
-        ? (double)INFINITY : saga_median(scratch, p->n);
+               ? (double)INFINITY
+               : saga_median(scratch, p->n);
 }
 
-static void off_pairs(double *off, const search *s,
-                      const saga_pinhole *cameras)
+static void off_pairs(double *off, const search *s, const saga_pinhole *cameras)
 {
     for (size_t i = 0; i < s->pairs.n; i++) {
         const saga_pair *const p = &s->pairs.list[i];
@@ -140,9 +140,8 @@ static double carry(const search *s, const saga_pinhole *cameras)
             continue;
         /* The views in the middle of the list and at its ends are likely to
          * stand apart. */
-        const saga_sight three[3] = {t->sights[i],
-                                     t->sights[i + of_place / 2],
-                                     t->sights[i + of_place - 1]};
+        const saga_sight three[3] = { t->sights[i], t->sights[i + of_place / 2],
+                                      t->sights[i + of_place - 1] };
         s->carried[n++] = saga_transfer_off(cameras, three, 3, 1);
     }
     return n < FEW_CARRIED ? (double)INFINITY : saga_median(s->carried, n);
@@ -150,12 +149,15 @@ static double carry(const search *s, const saga_pinhole *cameras)
 
 /* The number of pairs that fit, the median error of all pairs, and that of
  * places that three cameras see. */
-typedef struct score { int n_fit; double typical, carried; } score;
+typedef struct score {
+    int n_fit;
+    double typical, carried;
+} score;
 
 /* Scores cameras. off (n_pairs) is scratch memory and ends sorted. */
 static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 {
-    score found = {0, (double)NAN, carry(s, cameras)};
+    score found = { 0, (double)NAN, carry(s, cameras) };
     off_pairs(off, s, cameras);
     for (size_t i = 0; i < s->pairs.n; i++)
         found.n_fit += off[i] <= s->pairs.within;
@@ -166,29 +168,34 @@ static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 static bool is_better(const score *a, const score *b)
 {
     const bool nearer = isinf(a->carried) && isinf(b->carried)
-        ? a->typical < b->typical : a->carried < b->carried;
+                            ? a->typical < b->typical
+                            : a->carried < b->carried;
     return a->n_fit > b->n_fit || (a->n_fit == b->n_fit && nearer);
 }
 
-typedef struct best { saga_mistake mistake; score score; } best;
+typedef struct best {
+    saga_mistake mistake;
+    score score;
+} best;
 
 /* Scores the cameras with a mistake undone, and keeps the mistake if it is the
  * best so far. */
 static void try_mistake(best *to, const search *s, const saga_mistake *m,
                         saga_pinhole *cameras)
 {
-    const saga_shot *const views = s->c->views;
+    const saga_source_view *const views = s->c->views;
     const int *const other = m->swapped;
     for (int v = 0; v < s->c->n_views; v++) {
-        const int from = v == other[0] ? other[1]
-                       : v == other[1] ? other[0] : v;
+        const int from = v == other[0]   ? other[1]
+                         : v == other[1] ? other[0]
+                                         : v;
         cameras[v] = saga_pinhole_of(&views[from]);
         saga_mistake_undo(m, cameras[v].rotation, cameras[v].translation,
                           cameras[v].lens);
     }
     const score now = score_of(s, cameras, s->scratch + SAGA_FEATURES_MOST);
     if (is_better(&now, &to->score))
-        *to = (best){*m, now};
+        *to = (best){ *m, now };
 }
 
 /* Tells whether undoing a mistake explains the pictures. Most pairs must fit
@@ -215,7 +222,7 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
                        saga_pinhole *cameras)
 {
     const int most = FOCAL_STEPS * FOCAL_OCTAVES;
-    best as_is = {.score = {.n_fit = -1}}, other = as_is;
+    best as_is = { .score = { .n_fit = -1 } }, other = as_is;
     try_mistake(&as_is, s, &m, cameras);
     for (int k = -most; k <= most; k++)
         for (int centre = 0; centre < 2 && k != 0; centre++) {
@@ -232,8 +239,8 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
 /* Tries exchanged pictures of two views whose poses are right. */
 static void try_swaps(best *to, const search *s, saga_pinhole *cameras)
 {
-    const saga_shot *const views = s->c->views;
-    saga_mistake m = {.focal = 1.0};
+    const saga_source_view *const views = s->c->views;
+    saga_mistake m = { .focal = 1.0 };
     for (int v = 0; v < s->c->n_views; v++)
         for (int w = v + 1; w < s->c->n_views; w++) {
             m.swapped[0] = v;
@@ -251,10 +258,14 @@ static void try_forms(best *to, const search *s, saga_pinhole *cameras)
 {
     for (int form = 0; form < SAGA_POSE_FORMS; form++)
         for (int after = 0; after < 2; after++)
-            try_lenses(to, s, (saga_mistake){
-                .form = (saga_pose_form)form, .after = after, .focal = 1.0,
-                .before = form != SAGA_POSE_RIGHT && s->c->opengl,
-                .swapped = {-1, -1}}, cameras);
+            try_lenses(to, s,
+                       (saga_mistake){ .form = (saga_pose_form)form,
+                                       .after = after,
+                                       .focal = 1.0,
+                                       .before = form != SAGA_POSE_RIGHT &&
+                                                 s->c->opengl,
+                                       .swapped = { -1, -1 } },
+                       cameras);
 }
 
 /* ------------------------------------------------------------------ verdict */
@@ -327,8 +338,8 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     off_pairs(off, s, cameras);
     for (int v = 0; v < n_views; v++)
         cal->off[v] = saga_median(s->scratch, gather(cal, s, v, off));
-    best found = {.score = score_of(s, cameras, s->scratch +
-                                                SAGA_FEATURES_MOST)};
+    best found = { .score = score_of(s, cameras,
+                                     s->scratch + SAGA_FEATURES_MOST) };
     cal->n_pairs = n_pairs;
     cal->n_fit = found.score.n_fit;
     cal->typical = found.score.typical;
@@ -361,7 +372,7 @@ static void pardon(saga_calibration *cal, int n_views)
 
 static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
 {
-    *cal = (saga_calibration){.typical = (double)NAN};
+    *cal = (saga_calibration){ .typical = (double)NAN };
     cal->off = saga_alloc(n, sizeof *cal->off, "the views", error);
     cal->odd = saga_calloc(n, sizeof *cal->odd, "the views", error);
     cal->colours = saga_alloc(n, sizeof *cal->colours, "the views", error);
@@ -403,8 +414,8 @@ static void find_turned(double *turned, const search *s)
         const saga_pinhole b = saga_pinhole_of(&s->c->views[p->b]);
         for (size_t k = 0; k < p->n; k++)
             s->scratch[k] = saga_epipolar_turned(&a, &b, &p->matches[k]);
-        turned[p->a * n + p->b] = turned[p->b * n + p->a] =
-            saga_median(s->scratch, p->n);
+        turned[p->a * n + p->b] = turned[p->b * n + p->a] = saga_median(
+            s->scratch, p->n);
     }
 }
 
@@ -436,7 +447,7 @@ bool saga_calibration_find(saga_calibration *calibration,
                            const saga_capture *capture, saga_error *error)
 {
     const size_t n_views = (size_t)capture->n_views;
-    search s = {.c = capture};
+    search s = { .c = capture };
     saga_pinhole *const cameras = saga_alloc(n_views, sizeof *cameras,
                                              "the views", error);
     bool ok = reserve(calibration, n_views, error) && cameras &&
@@ -444,8 +455,7 @@ bool saga_calibration_find(saga_calibration *calibration,
     if (ok)
         judge(calibration, &s, cameras);
     if (ok && !calibration->found)
-        ok = saga_refine(&calibration->refinement, &s.pairs, &s.tracks,
-                         error);
+        ok = saga_refine(&calibration->refinement, &s.pairs, &s.tracks, error);
     if (ok && !calibration->found)
         pardon(calibration, capture->n_views);
     ok = ok && saga_match_colours_find(calibration->colours, &s.pairs, error);
@@ -466,5 +476,5 @@ void saga_calibration_free(saga_calibration *calibration)
     free(calibration->turned);
     free(calibration->n_features);
     saga_refinement_free(&calibration->refinement);
-    *calibration = (saga_calibration){.off = NULL};
+    *calibration = (saga_calibration){ .off = NULL };
 }

@@ -22,53 +22,53 @@
  * those of camera to world. */
 typedef enum saga_pose_form {
     SAGA_POSE_RIGHT,
-    SAGA_POSE_INVERSE,           /* A and b are those of world to camera */
-    SAGA_POSE_TRANSPOSED,        /* A is that of world to camera; b is right */
-    SAGA_POSE_TRANSLATION,       /* A is right; b is the translation of world to
-                                  * camera */
+    SAGA_POSE_INVERSE,     /* A and b are those of world to camera */
+    SAGA_POSE_TRANSPOSED,  /* A is that of world to camera; b is right */
+    SAGA_POSE_TRANSLATION, /* A is right; b is the translation of world to
+                            * camera */
     SAGA_POSE_FORMS
 } saga_pose_form;
 
 /* A mistake that all cameras share. */
 typedef struct saga_mistake {
-    bool before, after;          /* y and z of the camera axes are reversed,
-                                  * before or after the form was applied, as if
-                                  * OpenCV's axes were taken for OpenGL's or the
-                                  * other way round */
+    bool before, after; /* y and z of the camera axes are reversed,
+                         * before or after the form was applied, as if
+                         * OpenCV's axes were taken for OpenGL's or the
+                         * other way round */
     saga_pose_form form;
-    double focal;                /* factor by which focal lengths must be
-                                  * multiplied; 1: they are right */
-    bool centre;                 /* principal points must be multiplied, too */
-    int swapped[2];              /* cameras with exchanged pictures; -1: none */
+    double focal;   /* factor by which focal lengths must be
+                     * multiplied; 1: they are right */
+    bool centre;    /* principal points must be multiplied, too */
+    int swapped[2]; /* cameras with exchanged pictures; -1: none */
 } saga_mistake;
 
 typedef struct saga_calibration {
-    double *off;                 /* (n_views) error in pixels: the median over
-                                  * the pairs of a view of their median; NaN:
-                                  * too few matches */
-    bool *odd;                   /* (n_views) the others fit without these */
-    saga_match_colour *colours;  /* (n_views) */
-    int *shared;                 /* (n_views, n_views) number of matches that
-                                  * agree; -1: not compared */
-    double *turned;              /* (n_views, n_views) median distance in pixels
-                                  * of these matches from where the second
-                                  * camera would see what is far away; NaN: no
-                                  * matches */
-    int *n_features;             /* (n_views) number of corners in the
-                                  * picture */
-    double typical;              /* median error of all pairs; NaN: too few
-                                  * pairs */
-    double within;               /* errors below this, in pixels, count as a
-                                  * fit */
-    int n_pairs, n_fit;          /* number of pairs with enough matches, and of
-                                  * those that fit */
-    bool bad;                    /* too few pairs fit */
-    bool found;                  /* `mistake` was found; if it is undone,
-                                  * n_fit_then pairs fit */
+    double *off;                /* (n_views) error in pixels: the median over
+                                 * the pairs of a view of their median; NaN:
+                                 * too few matches */
+    bool *odd;                  /* (n_views) the others fit without these */
+    saga_match_colour *colours; /* (n_views) */
+    int *shared;                /* (n_views, n_views) number of matches that
+                                 * agree; -1: not compared */
+    double *turned;             /* (n_views, n_views) median distance in pixels
+                                 * of these matches from where the second
+                                 * camera would see what is far away; NaN: no
+                                 * matches */
+    int *n_features;            /* (n_views) number of corners in the
+                                 * picture */
+    double typical;             /* median error of all pairs; NaN: too few
+                                 * pairs */
+    double within;              /* errors below this, in pixels, count as a
+                                 * fit */
+    int n_pairs, n_fit;         /* number of pairs with enough matches, and of
+                                 * those that fit */
+    bool bad;                   /* too few pairs fit */
+    bool found;                 /* `mistake` was found; if it is undone,
+                                 * n_fit_then pairs fit */
     saga_mistake mistake;
     int n_fit_then;
-    saga_refinement refinement;  /* correction of small errors; empty if a
-                                  * mistake was found */
+    saga_refinement refinement; /* correction of small errors; empty if a
+                                 * mistake was found */
 } saga_calibration;
 
 /* Checks the calibration. saga_calibration_free must be called also after a

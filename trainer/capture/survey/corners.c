@@ -18,29 +18,29 @@
 #include <string.h>
 
 enum {
-    LARGEST = 960,       /* pixels of the longer side; larger pictures are
-                          * reduced first, since corners to half a pixel are
-                          * exact enough */
-    SMALLEST = 40,       /* least length of the shorter side of a copy */
+    LARGEST = 960, /* pixels of the longer side; larger pictures are
+                    * reduced first, since corners to half a pixel are
+                    * exact enough */
+    SMALLEST = 40, /* least length of the shorter side of a copy */
     N_SIZES = 6,
-    MARGIN = 9,          /* least pixels from the border to a corner */
-    GRID = 8,            /* cells per side */
-    RADIUS = 9,          /* radius of the patch that gives a corner's
-                          * direction */
-    DIRECTIONS = 36,     /* bins of the direction histogram */
-    PLACES = 4,          /* cells per side of a descriptor */
-    TURNS = 8            /* direction bins in each cell */
+    MARGIN = 9,      /* least pixels from the border to a corner */
+    GRID = 8,        /* cells per side */
+    RADIUS = 9,      /* radius of the patch that gives a corner's
+                      * direction */
+    DIRECTIONS = 36, /* bins of the direction histogram */
+    PLACES = 4,      /* cells per side of a descriptor */
+    TURNS = 8        /* direction bins in each cell */
 };
 
-#define SHRINK 0.70710678118654752 /* size of each copy relative to the previous
-                                    * one: 1 / sqrt(2) */
-#define PLACE_WIDTH 4.0            /* pixels per cell of a descriptor */
-#define LEAST_CORNER 2e-5          /* least strength, in squared grey levels
-                                    * from 0 to 1; weaker corners are camera
-                                    * noise */
-#define MOST_PART 0.2f             /* limit for each number of a descriptor,
-                                    * since highlights change single
-                                    * gradients */
+/* Size of each copy relative to the previous one: 1 / sqrt(2). */
+#define SHRINK 0.70710678118654752
+#define PLACE_WIDTH 4.0 /* pixels per cell of a descriptor */
+/* Least strength, in squared grey levels from 0 to 1; weaker corners are camera
+ * noise. */
+#define LEAST_CORNER 2e-5
+/* Limit for each number of a descriptor, since highlights change single
+ * gradients. */
+#define MOST_PART 0.2f
 #define PI 3.14159265358979324
 
 /* A grey image, 0 to 1, (height, width). Its pixels are `scale` pixels of the
@@ -52,10 +52,10 @@ typedef struct image {
 } image;
 
 typedef struct corner {
-    double x, y;         /* in pixels of the image; its first pixel has its
-                          * centre at (1/2, 1/2) */
+    double x, y; /* in pixels of the image; its first pixel has its
+                  * centre at (1/2, 1/2) */
     float strength;
-    int size;            /* index of the image */
+    int size; /* index of the image */
 } corner;
 
 static size_t n_pixels(const image *a)
@@ -79,7 +79,7 @@ static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
 {
     const int longer = width > height ? width : height;
     const int n = (longer + LARGEST - 1) / LARGEST;
-    *to = (image){.width = width / n, .height = height / n, .scale = n};
+    *to = (image){ .width = width / n, .height = height / n, .scale = n };
     if (to->width == 0 || to->height == 0)
         return true;
     to->at = saga_calloc(n_pixels(to), sizeof *to->at, "the features", error);
@@ -89,19 +89,20 @@ static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
         /* Luma weights of 0.3, 0.6, 0.1 are near enough to any standard's. */
         for (int x = 0; x < to->width * n; x++)
             sum[x / n] += (float)(3 * row[3 * x] + 6 * row[3 * x + 1] +
-                                  row[3 * x + 2]) / (2550.0f * (float)(n * n));
+                                  row[3 * x + 2]) /
+                          (2550.0f * (float)(n * n));
     }
     return to->at != NULL;
 }
 
 /* A filter has five taps; these are the weights at distances 0, 1 and 2. */
-static const float bell[3] = {6.0f / 16, 4.0f / 16, 1.0f / 16};
-static const float box[3] = {0.2f, 0.2f, 0.2f};
+static const float bell[3] = { 6.0f / 16, 4.0f / 16, 1.0f / 16 };
+static const float box[3] = { 0.2f, 0.2f, 0.2f };
 
 /* Filters an image along x and then along y; scratch has the image's size. */
 static void filter(image *a, const float w[3], float *scratch)
 {
-    image b = {scratch, a->width, a->height, a->scale};
+    image b = { scratch, a->width, a->height, a->scale };
     for (int way = 0; way < 2; way++) {
         const image *const from = way ? &b : a;
         float *to = way ? a->at : scratch;
@@ -120,8 +121,8 @@ static void filter(image *a, const float w[3], float *scratch)
 /* Makes the next smaller image from a blurred one. */
 static bool shrink(image *to, const image *from, saga_error *error)
 {
-    *to = (image){.width = (int)(from->width * SHRINK),
-                  .height = (int)(from->height * SHRINK)};
+    *to = (image){ .width = (int)(from->width * SHRINK),
+                   .height = (int)(from->height * SHRINK) };
     to->scale = from->scale * from->width / to->width;
     to->at = saga_alloc(n_pixels(to), sizeof *to->at, "the features", error);
     const double step_x = (double)from->width / to->width;
@@ -135,8 +136,8 @@ static bool shrink(image *to, const image *from, saga_error *error)
             const int i = (int)floor(u), j = (int)floor(v);
             const float a = (float)(u - i), b = (float)(v - j);
             to->at[(size_t)y * (size_t)to->width + (size_t)x] =
-                (1 - b) * ((1 - a) * pixel(from, i, j) +
-                           a * pixel(from, i + 1, j)) +
+                (1 - b) *
+                    ((1 - a) * pixel(from, i, j) + a * pixel(from, i + 1, j)) +
                 b * ((1 - a) * pixel(from, i, j + 1) +
                      a * pixel(from, i + 1, j + 1));
         }
@@ -160,9 +161,9 @@ static void find_strengths(float *strength, const image *a, float *scratch)
             xy[i] = gx * gy;
             yy[i] = gy * gy;
         }
-    float *const sums[3] = {xx, xy, yy};
+    float *const sums[3] = { xx, xy, yy };
     for (int k = 0; k < 3; k++) {
-        image one = {sums[k], a->width, a->height, a->scale};
+        image one = { sums[k], a->width, a->height, a->scale };
         filter(&one, box, scratch + 2 * n);
     }
     /* The strength is the smaller eigenvalue of ((xx, xy), (xy, yy)). */
@@ -195,7 +196,7 @@ static bool is_largest(const image *s, int x, int y)
 static size_t add_corners(corner *list, size_t n, size_t most, const image *a,
                           const float *strength, int size)
 {
-    const image s = {(float *)(uintptr_t)strength, a->width, a->height, 1.0};
+    const image s = { (float *)(uintptr_t)strength, a->width, a->height, 1.0 };
     for (int y = MARGIN; y < a->height - MARGIN; y++)
         for (int x = MARGIN; x < a->width - MARGIN; x++) {
             const float c = pixel(&s, x, y);
@@ -203,11 +204,13 @@ static size_t add_corners(corner *list, size_t n, size_t most, const image *a,
                 !is_largest(&s, x, y))
                 continue;
             list[n++] = (corner){
-                .x = x + 0.5 + peak(pixel(&s, x - 1, y), c,
-                                    pixel(&s, x + 1, y)),
-                .y = y + 0.5 + peak(pixel(&s, x, y - 1), c,
-                                    pixel(&s, x, y + 1)),
-                .strength = c, .size = size};
+                .x = x + 0.5 +
+                     peak(pixel(&s, x - 1, y), c, pixel(&s, x + 1, y)),
+                .y = y + 0.5 +
+                     peak(pixel(&s, x, y - 1), c, pixel(&s, x, y + 1)),
+                .strength = c,
+                .size = size
+            };
         }
     return n;
 }
@@ -222,7 +225,7 @@ static int by_strength(const void *a, const void *b)
  * proportional to its area, so that all have the same density of corners. */
 static size_t spread(corner *list, size_t n, const image *images, int n_images)
 {
-    size_t taken[N_SIZES][GRID * GRID] = {{0}}, most[N_SIZES];
+    size_t taken[N_SIZES][GRID * GRID] = { { 0 } }, most[N_SIZES];
     double area = 0.0;
     size_t kept = 0;
     /* Limit the number of each cell by the image's fraction of the total
@@ -261,7 +264,7 @@ static void gradient_at(const image *a, int x, int y, double *length,
 /* Returns the dominant direction of the gradients around a corner. */
 static double strongest_direction(const image *a, const corner *c)
 {
-    double sum[DIRECTIONS] = {0.0}, length, angle;
+    double sum[DIRECTIONS] = { 0.0 }, length, angle;
     const int cx = (int)c->x, cy = (int)c->y;
     int best = 0;
     for (int y = cy - RADIUS; y <= cy + RADIUS; y++)
@@ -281,9 +284,9 @@ static double strongest_direction(const image *a, const corner *c)
                     sum[(k + 1) % DIRECTIONS];
     for (int k = 1; k < DIRECTIONS; k++)
         best = smooth[k] > smooth[best] ? k : best;
-    const double offset =
-        peak((float)smooth[(best + DIRECTIONS - 1) % DIRECTIONS],
-             (float)smooth[best], (float)smooth[(best + 1) % DIRECTIONS]);
+    const double offset = peak(
+        (float)smooth[(best + DIRECTIONS - 1) % DIRECTIONS],
+        (float)smooth[best], (float)smooth[(best + 1) % DIRECTIONS]);
     return (best + 0.5 + offset) / DIRECTIONS * 2.0 * PI;
 }
 
@@ -319,7 +322,7 @@ static void describe(saga_feature *f, const image *a, const corner *c)
     /* The patch reaches half the diagonal of PLACES + 1 cells, since the grid
      * may be rotated by 45 degrees. */
     const int reach = (int)(PLACE_WIDTH * (PLACES + 1) * SHRINK + 1.0);
-    *f = (saga_feature){.x = c->x * a->scale, .y = c->y * a->scale};
+    *f = (saga_feature){ .x = c->x * a->scale, .y = c->y * a->scale };
     for (int y = (int)c->y - reach; y <= (int)c->y + reach; y++)
         for (int x = (int)c->x - reach; x <= (int)c->x + reach; x++) {
             const double dx = x + 0.5 - c->x, dy = y + 0.5 - c->y;
@@ -357,17 +360,17 @@ bool saga_features_find(saga_features *features, const uint8_t *rgb,
                         const uint8_t *mask, int width, int height,
                         saga_error *error)
 {
-    image images[N_SIZES] = {{.at = NULL}};
+    image images[N_SIZES] = { { .at = NULL } };
     int n_images = 0;
     size_t n = 0;
-    *features = (saga_features){.n = 0};
+    *features = (saga_features){ .n = 0 };
     bool ok = take_grey(&images[0], rgb, width, height, error);
     const size_t area = ok ? n_pixels(&images[0]) : 0;
     /* A corner is the maximum of 5 x 5 pixels, so at most one pixel in nine is
      * one, and all images together have twice the area of the first. */
     const size_t most = area / 4 + 1;
-    float *const scratch = saga_alloc(4 * area, sizeof *scratch,
-                                      "the features", error);
+    float *const scratch = saga_alloc(4 * area, sizeof *scratch, "the features",
+                                      error);
     corner *const corners = saga_alloc(most, sizeof *corners, "the features",
                                        error);
     features->list = saga_calloc(SAGA_FEATURES_MOST, sizeof *features->list,

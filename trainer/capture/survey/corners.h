@@ -15,18 +15,18 @@
 #include <stdint.h>
 
 enum {
-    SAGA_FEATURES_MOST = 600,     /* most features of a picture */
-    SAGA_FEATURE_NUMBERS = 128    /* 4 x 4 places with 8 directions each */
+    SAGA_FEATURES_MOST = 600,  /* most features of a picture */
+    SAGA_FEATURE_NUMBERS = 128 /* 4 x 4 places with 8 directions each */
 };
 
 typedef struct saga_feature {
-    double x, y;                  /* pixels of the picture */
+    double x, y;                    /* pixels of the picture */
     float at[SAGA_FEATURE_NUMBERS]; /* a unit vector without negative
                                      * components */
 } saga_feature;
 
 typedef struct saga_features {
-    saga_feature *list;           /* (n) spread over the picture */
+    saga_feature *list; /* (n) spread over the picture */
     size_t n;
 } saga_features;
 

@@ -6,9 +6,9 @@
 #include <math.h>
 #include <string.h>
 
-saga_pinhole saga_pinhole_of(const saga_shot *s)
+saga_pinhole saga_pinhole_of(const saga_source_view *s)
 {
-    saga_pinhole c = {.lens = {s->fx, s->fy, s->cx, s->cy}};
+    saga_pinhole c = { .lens = { s->fx, s->fy, s->cx, s->cy } };
     memcpy(c.rotation, s->rotation, sizeof c.rotation);
     memcpy(c.translation, s->translation, sizeof c.translation);
     return c;
@@ -60,7 +60,7 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
                          const saga_epipolar *s, const saga_match *m,
                          double within, bool *front)
 {
-    double ra[3], rb[3], turned[3], normal[3], back[3] = {0.0}, n[3];
+    double ra[3], rb[3], turned[3], normal[3], back[3] = { 0.0 }, n[3];
     ray_of(ra, a, m->a);
     ray_of(rb, b, m->b);
     apply(turned, s->r, ra);
@@ -77,8 +77,8 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
     cross3(across, turned, rb);
     cross3(x, rb, s->t);
     cross3(y, turned, s->t);
-    const double least = within / b->lens[0] * sqrt(dot3(turned, turned) *
-                                                    dot3(rb, rb));
+    const double least = within / b->lens[0] *
+                         sqrt(dot3(turned, turned) * dot3(rb, rb));
     *front = dot3(across, across) <= least * least ||
              (dot3(across, x) > 0.0 && dot3(across, y) > 0.0);
     if (dot3(turned, rb) <= 0.0 && dot3(across, across) <= least * least)
@@ -93,8 +93,7 @@ double saga_epipolar_turned(const saga_pinhole *a, const saga_pinhole *b,
     double ray[3], x[3];
     ray_of(ray, a, m->a);
     apply(x, s.r, ray);
-    return x[2] > 0.0
-        ? hypot(b->lens[0] * x[0] / x[2] + b->lens[2] - m->b[0],
-                b->lens[1] * x[1] / x[2] + b->lens[3] - m->b[1])
-        : (double)INFINITY;
+    return x[2] > 0.0 ? hypot(b->lens[0] * x[0] / x[2] + b->lens[2] - m->b[0],
+                              b->lens[1] * x[1] / x[2] + b->lens[3] - m->b[1])
+                      : (double)INFINITY;
 }

@@ -12,13 +12,15 @@
 
 typedef struct saga_pinhole {
     double rotation[9], translation[3]; /* world to camera */
-    double lens[4];          /* fx, fy, cx, cy, in pixels */
+    double lens[4];                     /* fx, fy, cx, cy, in pixels */
 } saga_pinhole;
 
-saga_pinhole saga_pinhole_of(const saga_shot *shot);
+saga_pinhole saga_pinhole_of(const saga_source_view *view);
 
 /* The pose of camera b relative to camera a: X_b = R X_a + t. */
-typedef struct saga_epipolar { double r[9], t[3]; } saga_epipolar;
+typedef struct saga_epipolar {
+    double r[9], t[3];
+} saga_epipolar;
 
 saga_epipolar saga_epipolar_between(const saga_pinhole *a,
                                     const saga_pinhole *b);

@@ -55,7 +55,7 @@ double saga_exposure_gain(double stops)
  * pairs show different surfaces. */
 enum {
     N_ROUNDS = 60,
-    LEAST_PAIRS = 40     /* least number of pairs of a view for a factor */
+    LEAST_PAIRS = 40 /* least number of pairs of a view for a factor */
 };
 
 #define UNEXPLAINED 0.01 /* residual at which the weight is halved */
@@ -63,8 +63,8 @@ enum {
 
 typedef struct solver {
     const saga_exposure_pairs *pairs;
-    int *n_of;           /* (n_views) number of pairs */
-    double *sum;         /* (n_views, 2) weighted sum and sum of weights */
+    int *n_of;   /* (n_views) number of pairs */
+    double *sum; /* (n_views, 2) weighted sum and sum of weights */
 } solver;
 
 static void count_pairs(const solver *s)
@@ -113,9 +113,9 @@ bool saga_exposure_solve(double *log, const saga_exposure_pairs *pairs,
 {
     static const char what[] = "the exposures";
     const size_t n = (size_t)pairs->n_views;
-    const solver s = {.pairs = pairs,
-                      .n_of = saga_calloc(n, sizeof *s.n_of, what, error),
-                      .sum = saga_alloc(2 * n, sizeof *s.sum, what, error)};
+    const solver s = { .pairs = pairs,
+                       .n_of = saga_calloc(n, sizeof *s.n_of, what, error),
+                       .sum = saga_alloc(2 * n, sizeof *s.sum, what, error) };
     const bool ok = s.n_of && s.sum;
 
     memset(log, 0, 3 * n * sizeof *log);
@@ -137,8 +137,8 @@ double saga_exposure_left(const saga_exposure_pairs *pairs, const double *log)
     for (size_t i = 0; i < pairs->n; i++) {
         const saga_exposure_pair *const d = pairs->at + i;
         for (int k = 0; k < 3; k++)
-            sum += fmin(fabs(d->log[k] + log[3 * d->a + k] -
-                             log[3 * d->b + k]), WRONG);
+            sum += fmin(fabs(d->log[k] + log[3 * d->a + k] - log[3 * d->b + k]),
+                        WRONG);
     }
     return sum;
 }

@@ -49,11 +49,11 @@ typedef struct saga_exposure_pair {
 } saga_exposure_pair;
 
 typedef struct saga_exposure_pairs {
-    saga_exposure_pair *at;  /* (n) */
+    saga_exposure_pair *at; /* (n) */
     size_t n;
     int n_views;
-    const int *train;        /* (n_train) training views, whose mean logarithm
-                              * is 0 */
+    const int *train; /* (n_train) training views, whose mean logarithm
+                       * is 0 */
     int n_train;
 } saga_exposure_pairs;
 

@@ -24,17 +24,18 @@ enum {
     MOMENTS = 6,
     STRETCH = 2 * MOST + MOMENTS,
     GROUPS = 8,
-    PATCH = 2,               /* pixels on each side of a corner */
-    STEP = 2                 /* frames over which the patch must change */
+    PATCH = 2, /* pixels on each side of a corner */
+    STEP = 2   /* frames over which the patch must change */
 };
 
-#define MOVES 8.0            /* least mean change of a patch, in levels */
-#define ALIKE 0.75           /* least cosine of two descriptors, as for
-                              * points */
-#define FEW 8.0              /* least sum of counts for a result */
-#define OTHERS 0.25          /* least part of the count that remains without the
-                              * camera that adds most to it */
-#define SURE 3.0             /* standard deviations; a count of n has sqrt(n) */
+#define MOVES 8.0 /* least mean change of a patch, in levels */
+/* Least cosine of two descriptors, as for points. */
+#define ALIKE 0.75
+#define FEW 8.0 /* least sum of counts for a result */
+/* Least part of the count that remains without the camera that adds most to
+ * it. */
+#define OTHERS 0.25
+#define SURE 3.0 /* standard deviations; a count of n has sqrt(n) */
 /* The standard errors are those of eight groups, as in lateness.c. The parabola
  * through three counts is exact to a quarter of a frame, and a late neighbour
  * shifts the result by as much. */
@@ -42,16 +43,18 @@ enum {
 #define LEAST_TOLERANCE 0.3
 #define MOST_TOLERANCE 0.5
 
-typedef struct counts { double at[GROUPS][N_SHIFTS]; } counts;
+typedef struct counts {
+    double at[GROUPS][N_SHIFTS];
+} counts;
 
 typedef struct finder {
     const saga_capture *c;
-    int first;               /* first frame of the examined interval */
-    saga_pairs at[STRETCH];  /* corners of all views at these frames; the
-                              * first one has the list of pairs for all */
-    counts *counts;          /* (n_views) */
+    int first;                   /* first frame of the examined interval */
+    saga_pairs at[STRETCH];      /* corners of all views at these frames; the
+                                  * first one has the list of pairs for all */
+    counts *counts;              /* (n_views) */
     double (*of_pair)[N_SHIFTS]; /* (pairs) counts of each pair, as those of its
-                              * view b */
+                                  * view b */
 } finder;
 
 /* ------------------------------------------------------------------ corners */
@@ -62,7 +65,7 @@ static int find_stretch(const saga_capture *c)
 {
     /* The changes of the last STRETCH steps are kept in a ring, together with
      * their sum. All are integers, so that adding and subtracting is exact. */
-    double change[STRETCH] = {0.0}, sum = 0.0, most = -1.0;
+    double change[STRETCH] = { 0.0 }, sum = 0.0, most = -1.0;
     int first = 0;
     for (int k = 0; k + 1 < c->n_frames; k++) {
         double *const at = &change[k % STRETCH];
@@ -83,7 +86,7 @@ static int find_stretch(const saga_capture *c)
 static bool moves(const saga_capture *c, int v, int frame,
                   const saga_feature *f)
 {
-    const saga_shot *const s = &c->views[v];
+    const saga_source_view *const s = &c->views[v];
     const int other = frame + STEP < c->n_frames ? frame + STEP : frame - STEP;
     const uint8_t *const a = saga_capture_frame(c, v, frame);
     const uint8_t *const b = saga_capture_frame(c, v, other);
@@ -127,17 +130,17 @@ typedef struct lines {
 
 static double off_line(const lines *l, const double a[2], const double b[2])
 {
-    const saga_match m = {.a = {a[0], a[1]}, .b = {b[0], b[1]}};
+    const saga_match m = { .a = { a[0], a[1] }, .b = { b[0], b[1] } };
     bool front;
-    const double off = saga_epipolar_off(l->a, l->b, &l->between, &m,
-                                         l->within, &front);
+    const double off = saga_epipolar_off(l->a, l->b, &l->between, &m, l->within,
+                                         &front);
     return front ? off / l->within : 2.0;
 }
 
 static bool on_line(const void *user, const saga_feature *a,
                     const saga_feature *b)
 {
-    const double x[2] = {a->x, a->y}, y[2] = {b->x, b->y};
+    const double x[2] = { a->x, a->y }, y[2] = { b->x, b->y };
     return off_line(user, x, y) <= 1.0;
 }
 
@@ -147,11 +150,11 @@ static double count(const finder *f, const saga_pair *p, int k, int late)
 {
     const saga_pinhole a = saga_pinhole_of(&f->c->views[p->a]);
     const saga_pinhole b = saga_pinhole_of(&f->c->views[p->b]);
-    const lines l = {&a, &b, saga_epipolar_between(&a, &b), f->at[k].within};
+    const lines l = { &a, &b, saga_epipolar_between(&a, &b), f->at[k].within };
     saga_match m[SAGA_FEATURES_MOST];
-    const size_t n = saga_matches_find(m, &f->at[k].features[p->a],
-                                       &f->at[k + late].features[p->b],
-                                       &(saga_match_rule){on_line, &l, ALIKE});
+    const size_t n = saga_matches_find(
+        m, &f->at[k].features[p->a], &f->at[k + late].features[p->b],
+        &(saga_match_rule){ on_line, &l, ALIKE });
     double sum = 0.0;
     for (size_t i = 0; i < n; i++) {
         const double e = off_line(&l, m[i].a, m[i].b);
@@ -235,20 +238,20 @@ static void judge(saga_lateness *late, const finder *f, int v)
         return;
     for (int g = 0; g < GROUPS; g++)
         x[g] = peak(part, sum_groups(part, c, g));
-    const double tolerance = LEAST_TOLERANCE + STANDARD_ERRORS *
-                             sqrt(saga_jackknife(x, GROUPS));
+    const double tolerance = LEAST_TOLERANCE +
+                             STANDARD_ERRORS * sqrt(saga_jackknife(x, GROUPS));
     if (tolerance <= MOST_TOLERANCE)
-        *late = (saga_lateness){.frames = peak(sum, best),
-                                .tolerance = tolerance};
+        *late = (saga_lateness){ .frames = peak(sum, best),
+                                 .tolerance = tolerance };
 }
 
 bool saga_late_matches_find(saga_lateness *late, const saga_capture *capture,
                             saga_error *error)
 {
     const size_t n_views = (size_t)capture->n_views;
-    finder f = {.c = capture};
+    finder f = { .c = capture };
     for (size_t v = 0; v < n_views; v++)
-        late[v] = (saga_lateness){.frames = NAN, .tolerance = NAN};
+        late[v] = (saga_lateness){ .frames = NAN, .tolerance = NAN };
     if (capture->n_frames < STRETCH || n_views < 3 || capture->moves)
         return true;
     /* Corners are found once, then matched for each pair and each shift. */

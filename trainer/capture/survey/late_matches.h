@@ -8,7 +8,7 @@
 
 #include "lateness.h"
 
-enum { SAGA_MATCH_LATE = 4 };    /* largest delay, in frames */
+enum { SAGA_MATCH_LATE = 4 }; /* largest delay, in frames */
 
 /* Sets late (n_views), like saga_lateness_find. Poses and lenses must be right.
  * It is NaN if too few moving corners match. */

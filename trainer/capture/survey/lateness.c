@@ -24,11 +24,11 @@
 #include <string.h>
 
 enum {
-    MOST_LATE = 15,          /* frames */
+    MOST_LATE = 15, /* frames */
     N_SHIFTS = 2 * MOST_LATE + 1,
     FEW_FRAMES = 12,
     FEW_VIEWS = 3,
-    GROUPS = 8               /* groups of frames, and groups of cameras */
+    GROUPS = 8 /* groups of frames, and groups of cameras */
 };
 
 /* The largest of 31 correlations of unrelated rows exceeds this number of
@@ -41,21 +41,20 @@ enum {
  * t with 7 degrees of freedom). LEAST_TOLERANCE is for the parabola's error. */
 #define STANDARD_ERRORS 2.4
 #define LEAST_TOLERANCE 0.1
-#define MOST_TOLERANCE 0.5   /* frames; with a larger tolerance the next frame
-                              * may be the right one */
+/* Frames; with a larger tolerance the next frame may be the right one. */
+#define MOST_TOLERANCE 0.5
 
 typedef struct matcher {
-    double *rows;            /* (n_views, n) */
-    double *sum;             /* (n) sum of all rows */
-    double *others;          /* (n) sum that a row is compared with */
-    int n_views, n, most;    /* shifts are -most to most */
+    double *rows;         /* (n_views, n) */
+    double *sum;          /* (n) sum of all rows */
+    double *others;       /* (n) sum that a row is compared with */
+    int n_views, n, most; /* shifts are -most to most */
 } matcher;
 
 double saga_lateness_likely(const saga_lateness *late)
 {
     const double whole = nearbyint(late->frames);
-    return fabs(late->frames - whole) <= late->tolerance ? whole
-                                                         : late->frames;
+    return fabs(late->frames - whole) <= late->tolerance ? whole : late->frames;
 }
 
 /* --------------------------------------------------------------------- rows */
@@ -224,16 +223,16 @@ static void find_one(saga_lateness *late, const matcher *m, int view)
 {
     double r[N_SHIFTS];
     set_others(m, view, -1, 1);
-    const double shift =
-        best_shift(m, m->rows + (size_t)view * (size_t)m->n, 0, 0, r);
+    const double shift = best_shift(m, m->rows + (size_t)view * (size_t)m->n, 0,
+                                    0, r);
     if (!stands_out(m, r))
         return;
-    const double tolerance =
-        LEAST_TOLERANCE + STANDARD_ERRORS * standard_error(m, view);
+    const double tolerance = LEAST_TOLERANCE +
+                             STANDARD_ERRORS * standard_error(m, view);
     /* With a larger tolerance the view keeps NaN, because a wrong frame is
      * worse than no result. */
     if (tolerance <= MOST_TOLERANCE)
-        *late = (saga_lateness){.frames = shift, .tolerance = tolerance};
+        *late = (saga_lateness){ .frames = shift, .tolerance = tolerance };
 }
 
 bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
@@ -243,7 +242,7 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
     const int n = c->n_frames - 2; /* the number of steps between logarithms of
                                     * changes */
     for (int v = 0; v < c->n_views; v++)
-        late[v] = (saga_lateness){.frames = NAN, .tolerance = NAN};
+        late[v] = (saga_lateness){ .frames = NAN, .tolerance = NAN };
     if (c->n_frames < FEW_FRAMES || c->n_views < FEW_VIEWS || c->moves)
         return true;
     /* While a row is made it has one number more. */
@@ -253,11 +252,12 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
         return false;
     /* The shift is at most a third of the steps, so that two thirds still
      * overlap. */
-    const matcher m = {.rows = rows, .sum = rows + (size_t)c->n_views *
-                                                       (size_t)n,
-                       .others = rows + (size_t)(c->n_views + 1) * (size_t)n,
-                       .n_views = c->n_views, .n = n,
-                       .most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE};
+    const matcher m = { .rows = rows,
+                        .sum = rows + (size_t)c->n_views * (size_t)n,
+                        .others = rows + (size_t)(c->n_views + 1) * (size_t)n,
+                        .n_views = c->n_views,
+                        .n = n,
+                        .most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE };
     for (int v = 0; v < c->n_views; v++)
         fill_row(rows + (size_t)v * (size_t)n, c, v);
     /* The sum is cleared after the rows are made, because the last row's extra

@@ -11,10 +11,10 @@
 #include "capture.h"
 
 typedef struct saga_lateness {
-    double frames;           /* delay behind the others, < 0: ahead; NaN:
-                              * unknown */
-    double tolerance;        /* 0.1 frames plus 2.4 standard errors of the
-                              * delay; NaN: unknown */
+    double frames;    /* delay behind the others, < 0: ahead; NaN:
+                       * unknown */
+    double tolerance; /* 0.1 frames plus 2.4 standard errors of the
+                       * delay; NaN: unknown */
 } saga_lateness;
 
 /* Sets late (n_views). It is NaN for fewer than three views, for fewer than

@@ -9,12 +9,12 @@
 #include <stdlib.h>
 
 enum {
-    MOMENTS = 3,             /* pictures of a camera that are looked at */
-    ROWS = 64,               /* rows of a picture that are looked at */
-    DETAIL_STEP = 4,         /* pixels */
-    STEPS = 48,              /* most steps between pictures that are compared */
+    MOMENTS = 3,     /* pictures of a camera that are looked at */
+    ROWS = 64,       /* rows of a picture that are looked at */
+    DETAIL_STEP = 4, /* pixels */
+    STEPS = 48,      /* most steps between pictures that are compared */
     FEW_STEPS = 4,
-    CHANGE_PIXELS = 7        /* every seventh pixel is compared */
+    CHANGE_PIXELS = 7 /* every seventh pixel is compared */
 };
 
 /* Levels between the 2nd and the 98th part of a hundred of a picture's pixels;
@@ -42,10 +42,9 @@ static void add_row(sums *to, size_t *histogram, const uint8_t *rgb,
     for (int x = DETAIL_STEP; x + DETAIL_STEP < width; x++) {
         const uint8_t *const at = rgb + 3 * x + 1;
         const double a = *at, b = at[3], near = at[-3] - 2.0 * a + b;
-        const double far = at[-3 * DETAIL_STEP] - 2.0 * a +
-                           at[3 * DETAIL_STEP];
-        if (mask && !(mask[x - DETAIL_STEP] && mask[x] &&
-                      mask[x + DETAIL_STEP]))
+        const double far = at[-3 * DETAIL_STEP] - 2.0 * a + at[3 * DETAIL_STEP];
+        if (mask &&
+            !(mask[x - DETAIL_STEP] && mask[x] && mask[x + DETAIL_STEP]))
             continue;
         histogram[*at]++;
         to->n++;
@@ -71,19 +70,20 @@ static int level_at(const size_t *histogram, double n, double q)
 static void look_at(saga_look *look, sums *all, const saga_capture *c, int v,
                     int frame)
 {
-    const saga_shot *const s = &c->views[v];
+    const saga_source_view *const s = &c->views[v];
     const uint8_t *const rgb = saga_capture_frame(c, v, frame);
     const uint8_t *const mask = saga_capture_mask(c, v, frame);
     const int step = s->height / ROWS + 1;
-    size_t histogram[256] = {0};
-    sums own = {0};
+    size_t histogram[256] = { 0 };
+    sums own = { 0 };
     for (int y = 0; y < s->height; y += step)
         add_row(&own, histogram, rgb + (size_t)y * saga_view_row_nbytes(s),
                 mask ? mask + (size_t)y * (size_t)s->width : NULL, s->width);
     if (own.n == 0.0)
         return;
     const bool blank = level_at(histogram, own.n, 0.98) -
-                       level_at(histogram, own.n, 0.02) < CONTRAST;
+                           level_at(histogram, own.n, 0.02) <
+                       CONTRAST;
     if (blank || look->n_blank == 0)
         look->level = level_at(histogram, own.n, 0.5);
     look->n_seen++;
@@ -101,14 +101,15 @@ static void look_at(saga_look *look, sums *all, const saga_capture *c, int v,
 static void look_at_view(saga_look *look, const saga_capture *c, int v)
 {
     const int n = c->views[v].single ? 1 : MOMENTS;
-    sums all = {0};
+    sums all = { 0 };
     int last = -1;
-    *look = (saga_look){.alike = (double)NAN, .detail = (double)NAN,
-                        .still = (double)NAN};
+    *look = (saga_look){ .alike = (double)NAN,
+                         .detail = (double)NAN,
+                         .still = (double)NAN };
     /* The first picture, the middle and the last, each once. */
     for (int i = 0; i < n; i++) {
-        const int k = saga_capture_near(c, v, i * (c->n_frames - 1) /
-                                              (MOMENTS - 1));
+        const int k = saga_capture_near(c, v,
+                                        i * (c->n_frames - 1) / (MOMENTS - 1));
         if (k != last)
             look_at(look, &all, c, v, k);
         last = k;

@@ -9,9 +9,9 @@
 #include <stdlib.h>
 
 enum {
-    FEW_PLACES = 10,         /* least number of matched places for a result */
-    PATCH = 2                /* a patch has this number of pixels on each side
-                              * of a match */
+    FEW_PLACES = 10, /* least number of matched places for a result */
+    PATCH = 2        /* a patch has this number of pixels on each side
+                      * of a match */
 };
 
 /* One end of a match: its mean colour and the colour at the other end. */
@@ -21,7 +21,7 @@ typedef struct sight {
 } sight;
 
 typedef struct sights {
-    sight *at;               /* (n) both ends of each match */
+    sight *at; /* (n) both ends of each match */
     size_t n;
 } sights;
 
@@ -30,20 +30,21 @@ typedef struct sights {
 static bool colour_at(double rgb[3], const saga_capture *c, int v,
                       const double p[2])
 {
-    const saga_shot *const shot = &c->views[v];
+    const saga_source_view *const view = &c->views[v];
     const int frame = saga_capture_near(c, v, 0);
     const uint8_t *const all = saga_capture_frame(c, v, frame);
     const int x = (int)p[0], y = (int)p[1];
     /* The patch must lie inside the picture. */
-    if (x < PATCH || y < PATCH || x >= shot->width - PATCH ||
-        y >= shot->height - PATCH)
+    if (x < PATCH || y < PATCH || x >= view->width - PATCH ||
+        y >= view->height - PATCH)
         return false;
     rgb[0] = rgb[1] = rgb[2] = 0.0;
     for (int j = y - PATCH; j <= y + PATCH; j++)
         for (int i = x - PATCH; i <= x + PATCH; i++)
             for (int k = 0; k < 3; k++)
-                rgb[k] += all[((size_t)j * (size_t)shot->width + (size_t)i) *
-                              3 + (size_t)k];
+                rgb[k] +=
+                    all[((size_t)j * (size_t)view->width + (size_t)i) * 3 +
+                        (size_t)k];
     for (int k = 0; k < 3; k++) {
         /* Mean levels outside 10 to 240 are too noisy or may be clipped. */
         rgb[k] /= (2 * PATCH + 1) * (2 * PATCH + 1);
@@ -79,8 +80,9 @@ static void gather(sights *to, const saga_pairs *pairs)
 static bool solve(double *log_of, const sights *s, int n_views,
                   saga_error *error)
 {
-    saga_exposure_pairs pairs = {.n_views = n_views, .n_train = n_views,
-                                 .n = s->n / 2};
+    saga_exposure_pairs pairs = { .n_views = n_views,
+                                  .n_train = n_views,
+                                  .n = s->n / 2 };
     int *const all = saga_alloc((size_t)n_views, sizeof *all, "the exposures",
                                 error);
     pairs.at = saga_alloc(pairs.n + 1, sizeof *pairs.at, "the exposures",
@@ -90,7 +92,7 @@ static bool solve(double *log_of, const sights *s, int n_views,
         all[v] = v;
     for (size_t i = 0; ok && i < pairs.n; i++) {
         const sight *const a = &s->at[2 * i];
-        pairs.at[i] = (saga_exposure_pair){.a = a->view, .b = a[1].view};
+        pairs.at[i] = (saga_exposure_pair){ .a = a->view, .b = a[1].view };
         for (int l = 0; l < 3; l++)
             pairs.at[i].log[l] = log(a->rgb[l] / a->other[l]);
     }
@@ -133,9 +135,9 @@ static void judge(saga_match_colour *colours, const sights *s, int n_views,
     for (int v = 0; v < n_views; v++) {
         saga_match_colour *const one = &colours[v];
         const double apart = differ(x, s, v, log_of, false);
-        *one = (saga_match_colour){.stops = (double)NAN,
-                                   .colour = (double)NAN,
-                                   .swapped = (double)NAN};
+        *one = (saga_match_colour){ .stops = (double)NAN,
+                                    .colour = (double)NAN,
+                                    .swapped = (double)NAN };
         if (apart < 0.0)
             continue;
         one->stops = -2.2 / log(2.0) * log_of[v];
@@ -152,8 +154,8 @@ bool saga_match_colours_find(saga_match_colour *colours,
     size_t most = 1;
     for (size_t i = 0; i < pairs->n; i++)
         most += 2 * pairs->list[i].n;
-    sights s = {.at = saga_alloc(most + 1, sizeof *s.at, "the colours",
-                                 error)};
+    sights s = { .at = saga_alloc(most + 1, sizeof *s.at, "the colours",
+                                  error) };
     double *const x = saga_alloc(most, sizeof *x, "the colours", error);
     double *const log_of = saga_calloc((size_t)n_views * 3, sizeof *log_of,
                                        "the colours", error);

@@ -14,12 +14,12 @@
 #include <string.h>
 
 enum {
-    EIGHT = 8,               /* matches that determine F up to its scale */
-    N_TRIES = 600,           /* if a third of the matches are right, one draw in
-                              * 6,500 has eight right; if three quarters, as of
-                              * the best, one in 10 */
+    EIGHT = 8,     /* matches that determine F up to its scale */
+    N_TRIES = 600, /* if a third of the matches are right, one draw in
+                    * 6,500 has eight right; if three quarters, as of
+                    * the best, one in 10 */
     N_REFITS = 4,
-    FEW = 16                 /* fewer agreeing matches may be chance */
+    FEW = 16 /* fewer agreeing matches may be chance */
 };
 
 /* Draws end when the chance that all of them had a wrong match is below
@@ -31,8 +31,8 @@ enum {
 /* A match is kept if its distance is below this, relative to the distance of
  * the second-best place. */
 #define SECOND_BEST 0.85
-#define SAME_PLACE 4.0       /* pixels: nearer features are one corner in two
-                              * sizes */
+/* Pixels: nearer features are one corner in two sizes. */
+#define SAME_PLACE 4.0
 
 /* ------------------------------------------------------------------ pairing */
 
@@ -40,7 +40,7 @@ enum {
  * use SIMD. */
 static float alike(const saga_feature *a, const saga_feature *b)
 {
-    float sum[8] = {0.0f};
+    float sum[8] = { 0.0f };
     for (int i = 0; i < SAGA_FEATURE_NUMBERS; i += 8)
         for (int k = 0; k < 8; k++)
             sum[k] += a->at[i + k] * b->at[i + k];
@@ -69,7 +69,8 @@ static size_t nearest(const saga_feature *f, const saga_features *to,
         const saga_feature *const other = &to->list[i];
         cosine[i] = rule && !rule->may(rule->user, back ? other : f,
                                        back ? f : other)
-            ? -1.0f : alike(f, other);
+                        ? -1.0f
+                        : alike(f, other);
         best = cosine[i] > cosine[best] ? i : best;
     }
     for (size_t i = 0; i < to->n; i++)
@@ -118,10 +119,12 @@ size_t saga_matches_find(saga_match *matches, const saga_features *a,
             is_known(matches, n, from, to) ||
             !same_place(&a->list[nearest(to, a, rule, true, &back)], from))
             continue;
-        insert(matches, n++, &(saga_match){.a = {from->x, from->y},
-                                           .b = {to->x, to->y},
-                                           .doubt = doubt, .of_a = (int)i,
-                                           .of_b = (int)k});
+        insert(matches, n++,
+               &(saga_match){ .a = { from->x, from->y },
+                              .b = { to->x, to->y },
+                              .doubt = doubt,
+                              .of_a = (int)i,
+                              .of_b = (int)k });
     }
     return n;
 }
@@ -130,11 +133,13 @@ size_t saga_matches_find(saga_match *matches, const saga_features *a,
 
 /* Centre and spread of the points in one picture. Numbers around 1 make the
  * matrices well conditioned (Hartley's normalisation). */
-typedef struct frame { double middle[2], spread; } frame;
+typedef struct frame {
+    double middle[2], spread;
+} frame;
 
 static void make_frame(frame *f, const saga_match *m, size_t n, int second)
 {
-    *f = (frame){.spread = 1e-9};
+    *f = (frame){ .spread = 1e-9 };
     for (size_t i = 0; i < n; i++)
         for (int k = 0; k < 2; k++)
             f->middle[k] += (second ? m[i].b : m[i].a)[k] / (double)n;
@@ -152,7 +157,10 @@ static void put(double to[3], const frame *f, const double p[2])
     to[2] = 1.0;
 }
 
-typedef struct fit { frame a, b; double f[9]; } fit;
+typedef struct fit {
+    frame a, b;
+    double f[9];
+} fit;
 
 /* Sets F to the least-squares solution of (b, 1)^T F (a, 1) = 0 over n matches,
  * which is the eigenvector with the least eigenvalue of the sum of products. */
@@ -179,7 +187,7 @@ static void solve(fit *t, const saga_match *const *m, size_t n)
  * lines, whichever is larger. */
 static double distance(const fit *t, const saga_match *m)
 {
-    double a[3], b[3], la[3] = {0.0}, lb[3] = {0.0}, product = 0.0;
+    double a[3], b[3], la[3] = { 0.0 }, lb[3] = { 0.0 }, product = 0.0;
     put(a, &t->a, m->a);
     put(b, &t->b, m->b);
     for (int k = 0; k < 9; k++) {
@@ -231,7 +239,7 @@ size_t saga_matches_agree(saga_match *matches, size_t n, double within,
 {
     const saga_match *ones[SAGA_FEATURES_MOST];
     const saga_rng r = saga_rng_stream(seed, 0);
-    fit t, best = {.f = {0.0}};
+    fit t, best = { .f = { 0.0 } };
     size_t most = 0, kept = 0;
     if (n < FEW)
         return 0;

@@ -13,10 +13,10 @@
 #include <stdbool.h>
 
 typedef struct saga_match {
-    double a[2], b[2];       /* pixels in the two pictures */
-    double doubt;            /* distance relative to the second-best match: 0:
-                              * certain, 1: not */
-    int of_a, of_b;          /* indices of the two features */
+    double a[2], b[2]; /* pixels in the two pictures */
+    double doubt;      /* distance relative to the second-best match: 0:
+                        * certain, 1: not */
+    int of_a, of_b;    /* indices of the two features */
 } saga_match;
 
 /* Returns the similarity of two features: the cosine of their descriptors. */
@@ -24,12 +24,11 @@ double saga_feature_likeness(const saga_feature *a, const saga_feature *b);
 
 /* A restriction on which features may match. */
 typedef struct saga_match_rule {
-    bool (*may)(const void *user, const saga_feature *a,
-                const saga_feature *b);
+    bool (*may)(const void *user, const saga_feature *a, const saga_feature *b);
     const void *user;
-    double alike;            /* least cosine of their descriptors, used if few
-                              * features may match, so that the best has few
-                              * rivals */
+    double alike; /* least cosine of their descriptors, used if few
+                   * features may match, so that the best has few
+                   * rivals */
 } saga_match_rule;
 
 /* Finds features that are clearly each other's nearest. matches has room for

@@ -9,12 +9,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SAME_MOMENT 0.01     /* frames */
+#define SAME_MOMENT 0.01 /* frames */
 
 enum {
-    NEIGHBOURS = 4           /* numbers of pairs for each of many views: with
-                              * the nearest views, and with the next ones in the
-                              * list */
+    NEIGHBOURS = 4 /* numbers of pairs for each of many views: with
+                    * the nearest views, and with the next ones in the
+                    * list */
 };
 
 /* ----------------------------------------------------------------- features */
@@ -30,11 +30,11 @@ static bool find_features(saga_pairs *p, saga_error *error)
     bool ok = p->features && errors;
 #pragma omp parallel for schedule(dynamic) if (ok)
     for (int v = 0; v < (ok ? c->n_views : 0); v++) {
-        const saga_shot *const shot = &c->views[v];
+        const saga_source_view *const view = &c->views[v];
         const int k = saga_capture_near(c, v, p->frame);
         (void)saga_features_find(&p->features[v], saga_capture_frame(c, v, k),
-                                 saga_capture_mask(c, v, k), shot->width,
-                                 shot->height, &errors[v]);
+                                 saga_capture_mask(c, v, k), view->width,
+                                 view->height, &errors[v]);
     }
     for (int v = 0; ok && v < c->n_views; v++)
         if (saga_failed(&errors[v]))
@@ -45,7 +45,7 @@ static bool find_features(saga_pairs *p, saga_error *error)
 
 /* -------------------------------------------------------------------- pairs */
 
-static double between(const saga_shot *a, const saga_shot *b)
+static double between(const saga_source_view *a, const saga_source_view *b)
 {
     double x[3], y[3];
     saga_pose_centre(a->rotation, a->translation, x);
@@ -114,7 +114,7 @@ bool saga_pairs_list(saga_pairs *p, saga_error *error)
     for (int v = 0; p->list && v < n; v++)
         for (int w = v + 1; w < n; w++)
             if (compared[v * n + w])
-                p->list[p->n++] = (saga_pair){.a = v, .b = w};
+                p->list[p->n++] = (saga_pair){ .a = v, .b = w };
     free(compared);
     return p->list != NULL;
 }
@@ -122,11 +122,12 @@ bool saga_pairs_list(saga_pairs *p, saga_error *error)
 bool saga_pairs_look(saga_pairs *pairs, const saga_capture *capture, int frame,
                      saga_error *error)
 {
-    *pairs = (saga_pairs){.capture = capture, .frame = frame,
-                          .within = SAGA_MATCH_WITHIN};
+    *pairs = (saga_pairs){ .capture = capture,
+                           .frame = frame,
+                           .within = SAGA_MATCH_WITHIN };
     for (int v = 0; v < capture->n_views; v++)
         pairs->within = fmax(pairs->within, SAGA_MATCH_WITHIN / 960.0 *
-                                            capture->views[v].width);
+                                                capture->views[v].width);
     return find_features(pairs, error);
 }
 
@@ -140,8 +141,7 @@ size_t saga_pair_agree(saga_match *matches, const saga_pairs *pairs,
     /* The random numbers depend on the pair only, so a pair's result does not
      * depend on other pairs. */
     return saga_matches_agree(matches, n, pairs->within,
-                              (uint64_t)p->a * SAGA_MAX_VIEWS +
-                              (uint64_t)p->b);
+                              (uint64_t)p->a * SAGA_MAX_VIEWS + (uint64_t)p->b);
 }
 
 static bool match_pair(saga_pair *p, const saga_pairs *pairs,
@@ -159,14 +159,13 @@ static bool match_pair(saga_pair *p, const saga_pairs *pairs,
     return p->n == 0 || p->matches;
 }
 
-bool saga_pairs_match(saga_pairs *pairs, saga_pair_fn *match,
-                      saga_error *error)
+bool saga_pairs_match(saga_pairs *pairs, saga_pair_fn *match, saga_error *error)
 {
     bool ok = true;
     size_t kept = 0;
 #pragma omp parallel for schedule(dynamic)
     for (size_t i = 0; i < pairs->n; i++) {
-        saga_error own = {""};
+        saga_error own = { "" };
         if (!match_pair(&pairs->list[i], pairs, match, &own))
 #pragma omp critical
             ok = saga_fail(error, NULL, NULL, "%s", own.message);
@@ -186,5 +185,5 @@ void saga_pairs_free(saga_pairs *pairs)
         free(pairs->list[i].matches);
     free(pairs->features);
     free(pairs->list);
-    *pairs = (saga_pairs){.n = 0};
+    *pairs = (saga_pairs){ .n = 0 };
 }

@@ -15,14 +15,16 @@
  * picture by two of 480 pixels. */
 #define SAGA_MATCH_WITHIN 2.0
 
-enum { SAGA_ALL_PAIRS = 24 };    /* up to this number of views, all pairs are
-                                  * compared */
+enum {
+    SAGA_ALL_PAIRS = 24
+}; /* up to this number of views, all pairs are
+    * compared */
 
 /* Matches of views a and b, a < b. */
 typedef struct saga_pair {
     int a, b;
     size_t n;
-    saga_match *matches;     /* (n) */
+    saga_match *matches; /* (n) */
 } saga_pair;
 
 typedef struct saga_pairs {
@@ -31,7 +33,7 @@ typedef struct saga_pairs {
     saga_features *features; /* (n_views) */
     saga_pair *list;         /* (n) */
     size_t n;
-    double within;           /* SAGA_MATCH_WITHIN in pixels of these pictures */
+    double within; /* SAGA_MATCH_WITHIN in pixels of these pictures */
 } saga_pairs;
 
 /* Finds the features of all views at a frame, without pairs. saga_pairs_free

@@ -9,13 +9,13 @@
 #include <stdlib.h>
 
 enum {
-    APART = 5,               /* one place in five is kept for the test */
-    FEW_PLACES = 60,         /* with fewer places nothing is refined, */
-    FEW_SHARED = 30,         /* nor with fewer that three cameras see: cameras
-                              * that hang together by pairs alone can be moved
-                              * to fit wrong matches */
-    MOST_VIEWS = 100         /* above this number of views nothing is refined;
-                              * their equations take 6.5 MB */
+    APART = 5,       /* one place in five is kept for the test */
+    FEW_PLACES = 60, /* with fewer places nothing is refined, */
+    FEW_SHARED = 30, /* nor with fewer that three cameras see: cameras
+                      * that hang together by pairs alone can be moved
+                      * to fit wrong matches */
+    MOST_VIEWS = 100 /* above this number of views nothing is refined;
+                      * their equations take 6.5 MB */
 };
 
 /* Refinement must reduce the error to this part to count as a help, since right
@@ -34,8 +34,8 @@ static double off_of(const saga_pinhole *cameras, const saga_sight *a,
     const saga_pinhole *const ca = &cameras[a->camera];
     const saga_pinhole *const cb = &cameras[b->camera];
     const saga_epipolar between = saga_epipolar_between(ca, cb);
-    const saga_match m = {.a = {a->at[0], a->at[1]},
-                          .b = {b->at[0], b->at[1]}};
+    const saga_match m = { .a = { a->at[0], a->at[1] },
+                           .b = { b->at[0], b->at[1] } };
     bool front;
     return saga_epipolar_off(ca, cb, &between, &m, 1.0, &front);
 }
@@ -49,8 +49,7 @@ static size_t judge_place(double *off, const saga_pinhole *cameras,
     if (n > SAGA_TRANSFER_MOST)
         n = SAGA_TRANSFER_MOST;
     for (size_t k = 0; k < n; k++) {
-        off[k] = n > 2 ? saga_transfer_off(cameras, s, n, k)
-                       : (double)INFINITY;
+        off[k] = n > 2 ? saga_transfer_off(cameras, s, n, k) : (double)INFINITY;
         if (isinf(off[k]))
             off[k] = off_of(cameras, &s[k], &s[(k + 1) % n]);
     }
@@ -120,9 +119,9 @@ static bool adjust(saga_refinement *r, const saga_pairs *pairs,
                    const saga_tracks *t, saga_error *error)
 {
     static const char what[] = "the matches";
-    saga_bundle b = {.cameras = r->cameras,
-                     .n_cameras = pairs->capture->n_views,
-                     .within = pairs->within / 2.0};
+    saga_bundle b = { .cameras = r->cameras,
+                      .n_cameras = pairs->capture->n_views,
+                      .within = pairs->within / 2.0 };
     b.places = saga_alloc(t->n_places, sizeof *b.places, what, error);
     b.sights = saga_alloc(t->n_sights, sizeof *b.sights, what, error);
     bool ok = b.places && b.sights;
@@ -148,10 +147,9 @@ static bool is_enough(const saga_tracks *t)
 }
 
 /* Projects a place to a pixel. Returns false if it is behind the camera. */
-static bool see(double at[2], const saga_pinhole *camera,
-                const double place[3])
+static bool see(double at[2], const saga_pinhole *camera, const double place[3])
 {
-    const double origin[2] = {0.0, 0.0};
+    const double origin[2] = { 0.0, 0.0 };
     double by_camera[2][SAGA_BUNDLE_N], by_place[2][3];
     return saga_bundle_differ(at, by_camera, by_place, camera, place, origin);
 }
@@ -169,8 +167,8 @@ static double find_moved(double *off, const saga_refinement *r,
         of_place = saga_tracks_length(t, i);
         for (size_t k = 0; k < of_place; k++)
             own = own || t->sights[i + k].camera == v;
-        if (own && saga_bundle_meet(place, r->cameras, t->sights + i,
-                                    of_place) &&
+        if (own &&
+            saga_bundle_meet(place, r->cameras, t->sights + i, of_place) &&
             see(a, before, place) && see(b, &r->cameras[v], place))
             off[n++] = hypot(a[0] - b[0], a[1] - b[1]);
     }
@@ -183,7 +181,7 @@ bool saga_refine(saga_refinement *refinement, const saga_pairs *pairs,
     const saga_capture *const c = pairs->capture;
     saga_refinement *const r = refinement;
     const size_t n_views = (size_t)c->n_views;
-    *r = (saga_refinement){.before = (double)NAN, .after = (double)NAN};
+    *r = (saga_refinement){ .before = (double)NAN, .after = (double)NAN };
     if (c->moves || n_views < 3 || n_views > MOST_VIEWS)
         return true;
     r->cameras = saga_alloc(n_views, sizeof *r->cameras, "the cameras", error);
@@ -214,5 +212,5 @@ void saga_refinement_free(saga_refinement *refinement)
 {
     free(refinement->cameras);
     free(refinement->moved);
-    *refinement = (saga_refinement){.helps = false};
+    *refinement = (saga_refinement){ .helps = false };
 }

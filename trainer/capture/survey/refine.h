@@ -9,13 +9,13 @@
 #include "tracks.h"
 
 typedef struct saga_refinement {
-    bool helps;              /* the test matches fit clearly better */
-    double before, after;    /* median error of the test matches in pixels; NaN:
-                              * too few */
-    saga_pinhole *cameras;   /* (n_views) refined cameras; NULL: none */
-    double *moved;           /* (n_views) median distance in pixels by which a
-                              * camera sees the places elsewhere than before;
-                              * NaN: it sees too few. NULL: none */
+    bool helps;            /* the test matches fit clearly better */
+    double before, after;  /* median error of the test matches in pixels; NaN:
+                            * too few */
+    saga_pinhole *cameras; /* (n_views) refined cameras; NULL: none */
+    double *moved;         /* (n_views) median distance in pixels by which a
+                            * camera sees the places elsewhere than before;
+                            * NaN: it sees too few. NULL: none */
 } saga_refinement;
 
 /* Refines the cameras by the tracks of the pairs' matches. The caller frees

@@ -15,18 +15,18 @@
 #include <string.h>
 
 enum {
-    GRID = 12,             /* rays per side for each camera */
+    GRID = 12, /* rays per side for each camera */
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
     FEW_COLOURS = 30,
-    CELLS = 24               /* cells per side of a picture; 2,500 places take
-                              * about four of each cell */
+    CELLS = 24 /* cells per side of a picture; 2,500 places take
+                * about four of each cell */
 };
 /* A place this much farther than the first one in its cell may be hidden. */
 #define BEHIND 1.1
 
 typedef struct places {
-    double (*at)[3];       /* (n) */
+    double (*at)[3]; /* (n) */
     size_t n;
     double middle[3];
 } places;
@@ -37,12 +37,11 @@ typedef struct places {
  * cameras, by Cramer's rule. Returns false if the axes are parallel. */
 static bool axes_meet(const saga_capture *c, double x[3])
 {
-    double m[3][3] = {{0}}, b[3] = {0};
+    double m[3][3] = { { 0 } }, b[3] = { 0 };
     for (int v = 0; v < c->n_views; v++) {
         const double *const axis = c->views[v].rotation + 6;
         double centre[3];
-        saga_pose_centre(c->views[v].rotation, c->views[v].translation,
-                         centre);
+        saga_pose_centre(c->views[v].rotation, c->views[v].translation, centre);
         /* The projection I - a a^T removes the part along the axis; x solves
          * sum (I - a a^T) x = sum (I - a a^T) centre. */
         for (int i = 0; i < 3; i++)
@@ -52,10 +51,9 @@ static bool axes_meet(const saga_capture *c, double x[3])
                 b[i] += part * centre[j];
             }
     }
-    const double det =
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
-        m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-        m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+    const double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                       m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                       m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
     /* det is 0 for parallel axes, and at most (2 n / 3)^3 for axes in all
      * directions. */
     if (!(fabs(det) > 1e-4 * pow(c->n_views, 3)))
@@ -68,7 +66,8 @@ static bool axes_meet(const saga_capture *c, double x[3])
             n[i][k] = b[i];
         x[k] = (n[0][0] * (n[1][1] * n[2][2] - n[1][2] * n[2][1]) -
                 n[0][1] * (n[1][0] * n[2][2] - n[1][2] * n[2][0]) +
-                n[0][2] * (n[1][0] * n[2][1] - n[1][1] * n[2][0])) / det;
+                n[0][2] * (n[1][0] * n[2][1] - n[1][1] * n[2][0])) /
+               det;
     }
     return true;
 }
@@ -81,24 +80,23 @@ static void lift_grid(places *p, const saga_capture *c)
     const bool meet = axes_meet(c, meeting);
     saga_pose_centre(c->views[0].rotation, c->views[0].translation, first);
     for (int v = 0; v < c->n_views; v++) {
-        saga_pose_centre(c->views[v].rotation, c->views[v].translation,
-                         centre);
-        size = fmax(size, hypot(hypot(centre[0] - first[0],
-                                      centre[1] - first[1]),
-                                centre[2] - first[2]));
+        saga_pose_centre(c->views[v].rotation, c->views[v].translation, centre);
+        size = fmax(size,
+                    hypot(hypot(centre[0] - first[0], centre[1] - first[1]),
+                          centre[2] - first[2]));
     }
     for (int v = 0; v < c->n_views; v++) {
-        const saga_shot *const s = &c->views[v];
+        const saga_source_view *const s = &c->views[v];
         const double far = 4.0 * (size > 0.0 ? size : 1.0);
-        double cam[3] = {0.0, 0.0, far};
+        double cam[3] = { 0.0, 0.0, far };
         /* z is the depth at which the axes meet, if that is in front of this
          * camera. */
         if (meet)
             saga_view_transform(s, meeting, cam);
         const double z = cam[2] > 0.0 ? cam[2] : far;
         for (int i = 0; i < GRID * GRID; i++) {
-            const double uv[2] = {s->width * (i % GRID + 0.5) / GRID,
-                                  s->height * (i / GRID + 0.5) / GRID};
+            const double uv[2] = { s->width * (i % GRID + 0.5) / GRID,
+                                   s->height * (i / GRID + 0.5) / GRID };
             saga_view_lift(s, uv, z, p->at[p->n++]);
         }
     }
@@ -110,8 +108,8 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
     const size_t n = points ? c->n_points : (size_t)c->n_views * GRID * GRID;
     /* Every pair of views is compared at every place, which limits their
      * number. */
-    const size_t most = MOST_COMPARED / (size_t)c->n_views /
-                        (size_t)c->n_views + 200;
+    const size_t most =
+        MOST_COMPARED / (size_t)c->n_views / (size_t)c->n_views + 200;
     const size_t step = n / (most < MOST_PLACES ? most : MOST_PLACES) + 1;
     p->at = saga_alloc(n, sizeof *p->at, "the places", error);
     if (!p->at)
@@ -136,7 +134,7 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
 
 /* Returns the index of the pixel that shows a place in a view, or -1 if the
  * view does not see it. */
-static long pixel_of(const saga_shot *s, const double place[3])
+static long pixel_of(const saga_source_view *s, const double place[3])
 {
     double uv[2], depth;
     if (!saga_view_project(s, place, uv, &depth) || uv[0] < 0.0 ||
@@ -147,7 +145,7 @@ static long pixel_of(const saga_shot *s, const double place[3])
 
 /* Returns the cell of all views' pictures in which view v sees a place, or -1,
  * and sets the depth of the place. */
-static long cell_of(const saga_shot *s, int v, const double place[3],
+static long cell_of(const saga_source_view *s, int v, const double place[3],
                     double *depth)
 {
     const long pixel = pixel_of(s, place);
@@ -164,7 +162,7 @@ static long cell_of(const saga_shot *s, int v, const double place[3],
 
 /* Sets d to the direction of a camera from the middle, and returns its
  * distance. */
-static double direction_from(const double middle[3], const saga_shot *s,
+static double direction_from(const double middle[3], const saga_source_view *s,
                              double d[3])
 {
     saga_pose_centre(s->rotation, s->translation, d);
@@ -189,15 +187,16 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
             const double other = direction_from(middle, &c->views[w], b);
             const double cosine = dot3(a, b);
             /* Rounding may make the cosine larger than 1. */
-            const double angle =
-                acos(fmin(fmax(cosine, -1.0), 1.0)) * 57.29577951308232;
+            const double angle = acos(fmin(fmax(cosine, -1.0), 1.0)) *
+                                 57.29577951308232;
             if (w == v || (one->nearest >= 0 && angle >= one->angle))
                 continue;
             one->nearest = w;
             one->angle = angle;
             /* The law of cosines. */
-            one->step = sqrt(fmax(own * own + other * other - 2.0 * own *
-                                  other * cosine, 0.0)) /
+            one->step = sqrt(fmax(own * own + other * other -
+                                      2.0 * own * other * cosine,
+                                  0.0)) /
                         fmax(fmin(own, other), 1e-300);
         }
     }
@@ -257,7 +256,8 @@ static bool colour_at(const saga_capture *c, const double *front, int v,
     double depth;
     const long cell = cell_of(&c->views[v], v, place, &depth);
     long pixel = cell < 0 || depth > BEHIND * front[cell]
-        ? -1 : pixel_of(&c->views[v], place);
+                     ? -1
+                     : pixel_of(&c->views[v], place);
     if (pixel >= 0 && mask && !mask[pixel])
         pixel = -1;
     for (int k = 0; pixel >= 0 && k < 3; k++)
@@ -290,7 +290,9 @@ static size_t common_colour(const saga_capture *c, const double *front,
 
 /* The colours of places: of each the common one, (n, 3), NaN if fewer than
  * three views see the place; the fronts of the views; and scratch memory. */
-typedef struct colours { double *common, *front, *x; } colours;
+typedef struct colours {
+    double *common, *front, *x;
+} colours;
 
 /* Returns the median difference of a view's colours from the common ones, with
  * the view's values divided by `gain`; NaN if they are too few. */
@@ -324,8 +326,8 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
             saga_exposure_compare(of->x + n, rgb, of->common + 3 * i))
             n++;
     one->stops = n >= FEW_COLOURS ? saga_median(of->x, n) : (double)NAN;
-    const double gain = isnan(one->stops)
-        ? 1.0 : saga_exposure_gain(one->stops);
+    const double gain = isnan(one->stops) ? 1.0
+                                          : saga_exposure_gain(one->stops);
     /* The colour is the difference that remains after the exposure is
      * corrected. */
     one->colour = differ(c, v, p, of, gain, false);
@@ -335,13 +337,11 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
 static bool compare_colours(saga_survey *survey, const saga_capture *c,
                             const places *p, saga_error *error)
 {
-    const colours of = {
-        .common = saga_alloc(p->n, 3 * sizeof *of.common, "the colours",
-                             error),
-        .front = find_front(c, p, error),
-        .x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *of.x,
-                        "the colours", error)
-    };
+    const colours of = { .common = saga_alloc(p->n, 3 * sizeof *of.common,
+                                              "the colours", error),
+                         .front = find_front(c, p, error),
+                         .x = saga_alloc(p->n + 3 * (size_t)c->n_views,
+                                         sizeof *of.x, "the colours", error) };
     const bool ok = of.common && of.front && of.x;
     /* The scratch memory is first for medians over views, then over places. */
     for (size_t i = 0; ok && i < p->n; i++)
@@ -400,8 +400,8 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     const size_t n = p->n, n_views = (size_t)c->n_views;
     bool *const seen = saga_alloc(n * n_views, sizeof *seen, "places seen",
                                   error);
-    double *const angle =
-        saga_alloc(n_views, sizeof *angle, "the angles", error);
+    double *const angle = saga_alloc(n_views, sizeof *angle, "the angles",
+                                     error);
     const bool ok = seen && angle;
     /* Each place is projected into each view once; overlaps are computed from
      * the result. */
@@ -417,19 +417,19 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     }
     free(seen);
     free(angle);
-    return ok && (c->n_points < SAGA_FEW_PLACES ||
-                  compare_colours(s, c, p, error));
+    return ok &&
+           (c->n_points < SAGA_FEW_PLACES || compare_colours(s, c, p, error));
 }
 
 bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
                       saga_error *error)
 {
-    places p = {.n = 0};
-    *survey = (saga_survey){.views = NULL};
-    survey->views = saga_calloc((size_t)capture->n_views,
-                                sizeof *survey->views, "the views", error);
-    saga_look *const looks = saga_alloc((size_t)capture->n_views,
-                                        sizeof *looks, "the views", error);
+    places p = { .n = 0 };
+    *survey = (saga_survey){ .views = NULL };
+    survey->views = saga_calloc((size_t)capture->n_views, sizeof *survey->views,
+                                "the views", error);
+    saga_look *const looks = saga_alloc((size_t)capture->n_views, sizeof *looks,
+                                        "the views", error);
     for (int v = 0; survey->views && v < capture->n_views; v++)
         survey->views[v].stops = survey->views[v].colour =
             survey->views[v].swapped = (double)NAN;

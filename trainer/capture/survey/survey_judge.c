@@ -8,8 +8,8 @@
 #include <stdio.h>
 
 enum {
-    FEW_FEATURES = 50      /* with fewer features in a picture, few matches are
-                            * no evidence */
+    FEW_FEATURES = 50 /* with fewer features in a picture, few matches are
+                       * no evidence */
 };
 
 /* Limits of the judgements; each is an estimate from the captures that we
@@ -26,17 +26,17 @@ enum {
  * wrong camera of four appears as 3/4 of its error, and each other as 1/4. */
 #define CHANGES 1.5
 #define LEAST_CHANGE 0.5
-#define FOCAL_CHANGE 0.03  /* mean change of the logarithm of focal lengths */
+#define FOCAL_CHANGE 0.03 /* mean change of the logarithm of focal lengths */
 /* Largest distance of cameras at the same place, which should see the same, as
  * a part of that to the scene: half a degree. Cameras are not placed that close
  * on purpose; a step towards the scene leaves the direction, but not the
  * place. */
 #define ONE_PLACE 0.0087
-#define APART_PIXELS 5.0   /* matches of such cameras are at one place within
-                            * this number of times the tolerance of a fit, since
-                            * half a degree is 2 to 4 of 480 pixels */
-#define ONE_WAY 0.98       /* cosine of the angle between their axes, 10
-                            * degrees */
+/* Matches of such cameras are at one place within this number of times the
+ * tolerance of a fit, since half a degree is 2 to 4 of 480 pixels. */
+#define APART_PIXELS 5.0
+/* Cosine of the angle between their axes, 10 degrees. */
+#define ONE_WAY 0.98
 
 static int count_training(const saga_capture *c)
 {
@@ -51,75 +51,89 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
     const int n = count_training(c);
     const bool points = c->n_points >= SAGA_FEW_PLACES;
     if (c->moves)
-        saga_note(s->notes, "A single moving camera sees each moment from one "
+        saga_note(s->notes,
+                  "A single moving camera sees each moment from one "
                   "side only; other views of moving things are guesses.");
     /* Free views need more than six cameras, or at least three close ones with
      * points. */
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (n == 1 && !s->free_views)
-        saga_note(s->notes, "One camera%s does not allow free views: the file "
+        saga_note(s->notes,
+                  "One camera%s does not allow free views: the file "
                   "shows only what this camera saw. More cameras%s help.",
-                  points ? "" : " without points", points ? "" : ", or a "
-                  "COLMAP model with points,");
+                  points ? "" : " without points",
+                  points ? ""
+                         : ", or a "
+                           "COLMAP model with points,");
     else if (!s->free_views)
-        saga_note(s->notes, "%d cameras that stand %.0f degrees apart%s do not "
+        saga_note(s->notes,
+                  "%d cameras that stand %.0f degrees apart%s do not "
                   "allow free views: the file shows what these cameras saw, "
-                  "and views between them are poor. More cameras%s help.", n,
-                  s->typical_angle, points ? "" : " without points", points ?
-                  "" : ", or a COLMAP model with points,");
+                  "and views between them are poor. More cameras%s help.",
+                  n, s->typical_angle, points ? "" : " without points",
+                  points ? "" : ", or a COLMAP model with points,");
     else if (s->typical_angle > FAR_APART)
-        saga_note(s->notes, "Cameras are %.0f degrees apart: views between "
-                  "them are poor.", s->typical_angle);
+        saga_note(s->notes,
+                  "Cameras are %.0f degrees apart: views between "
+                  "them are poor.",
+                  s->typical_angle);
     if (!points && s->free_views)
         saga_note(s->notes, "There are no points: training begins with guesses "
-                  "of depth. A COLMAP model or ply_file_path helps.");
+                            "of depth. A COLMAP model or ply_file_path helps.");
 }
 
 /* Describes the mistake that, once undone, makes the pictures fit. */
 static void judge_mistake(saga_survey *s, const saga_capture *c)
 {
     static const char *const forms[SAGA_POSE_FORMS] = {
-        "", "matrices are world to camera",
-        "rotations are transposed", "translations are those of world to camera"
+        "", "matrices are world to camera", "rotations are transposed",
+        "translations are those of world to camera"
     };
     const saga_calibration *const fit = &s->calibration;
     const saga_mistake *const m = &fit->mistake;
     char what[200] = "", lens[100] = "";
     /* In a file with OpenGL's axes, undoing no reversal means that the file's
      * axes are really OpenCV's. */
-    const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl
-        ? m->after : !m->after;
+    const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl ? m->after
+                                                                   : !m->after;
     if (m->swapped[0] >= 0)
-        (void)snprintf(what, sizeof what, "the pictures of %.60s and %.60s are "
-                       "exchanged", c->views[m->swapped[0]].name,
+        (void)snprintf(what, sizeof what,
+                       "the pictures of %.60s and %.60s are "
+                       "exchanged",
+                       c->views[m->swapped[0]].name,
                        c->views[m->swapped[1]].name);
     else
         (void)snprintf(what, sizeof what, "%s%s%s", forms[m->form],
                        m->form && odd_axes ? ", and " : "",
-                       !odd_axes ? "" : c->opengl
-                       ? "camera axes are OpenCV's (y down, z forward)"
-                       : "camera axes have y and z reversed");
+                       !odd_axes ? ""
+                       : c->opengl
+                           ? "camera axes are OpenCV's (y down, z forward)"
+                           : "camera axes have y and z reversed");
     if (m->focal != 1.0)
-        (void)snprintf(lens, sizeof lens, "%s%s %s by about %.2g",
-                       what[0] ? ", and " : "", m->centre
-                       ? "focal lengths and centres, as of another size of "
-                         "picture," : "focal lengths", m->focal < 1.0
-                       ? "are too long" : "are too short",
-                       m->focal < 1.0 ? 1.0 / m->focal : m->focal);
-    saga_note(s->notes, "The cameras do not fit the pictures: of %d pairs of "
+        (void)snprintf(
+            lens, sizeof lens, "%s%s %s by about %.2g", what[0] ? ", and " : "",
+            m->centre ? "focal lengths and centres, as of another size of "
+                        "picture,"
+                      : "focal lengths",
+            m->focal < 1.0 ? "are too long" : "are too short",
+            m->focal < 1.0 ? 1.0 / m->focal : m->focal);
+    saga_note(s->notes,
+              "The cameras do not fit the pictures: of %d pairs of "
               "cameras with matches, %d fit. After the correction of one "
               "mistake, %d fit: %s%s. --fix FILE writes the corrected "
-              "cameras.", fit->n_pairs, fit->n_fit, fit->n_fit_then, what,
-              lens);
+              "cameras.",
+              fit->n_pairs, fit->n_fit, fit->n_fit_then, what, lens);
 }
 
 /* Notes whether poses and lenses fit the matches. */
 static void judge_calibration(saga_survey *s, const saga_capture *c)
 {
     static const saga_note_kind odd = {
-        "A pose, a lens or a file is wrong: ", ", while the other cameras fit "
-        "each other. Correct it, or hold it out."};
+        "A pose, a lens or a file is wrong: ",
+        ", while the other cameras fit "
+        "each other. Correct it, or hold it out."
+    };
     const saga_calibration *const fit = &s->calibration;
     int n_odd = 0;
     for (int v = 0; v < c->n_views; v++)
@@ -127,15 +141,18 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
     if (fit->found)
         judge_mistake(s, c);
     else if (fit->bad && n_odd == 0)
-        saga_note(s->notes, "The cameras do not fit the pictures: of %d pairs "
+        saga_note(s->notes,
+                  "The cameras do not fit the pictures: of %d pairs "
                   "of cameras with matches, %d fit; the others are off by %.1f "
                   "pixels or more, and none of the usual mistakes explains it. "
-                  "Calibrate again.", fit->n_pairs, fit->n_fit, fit->within);
+                  "Calibrate again.",
+                  fit->n_pairs, fit->n_fit, fit->within);
     for (int v = 0; v < c->n_views; v++)
         if (fit->odd[v])
-            saga_note_each(s->notes, &odd, "%s does not fit the other cameras "
-                           "(off by %.1f pixels)", c->views[v].name,
-                           fit->off[v]);
+            saga_note_each(s->notes, &odd,
+                           "%s does not fit the other cameras "
+                           "(off by %.1f pixels)",
+                           c->views[v].name, fit->off[v]);
 }
 
 /* Returns the view that the refinement changes most; -1 if none stands out. */
@@ -150,7 +167,8 @@ static int find_changed(const saga_refinement *r, const saga_capture *c)
         if (v != most && r->moved[v] > second)
             second = r->moved[v];
     return most >= 0 && r->moved[most] > CHANGES * fmax(second, LEAST_CHANGE)
-        ? most : -1;
+               ? most
+               : -1;
 }
 
 /* Notes by how much refinement can reduce small errors of poses and lenses, and
@@ -164,19 +182,23 @@ static void judge_refinement(saga_survey *s, const saga_capture *c)
         return;
     const int most = find_changed(r, c);
     if (most >= 0)
-        (void)snprintf(camera, sizeof camera, " %.60s changes most, by %.1f "
-                       "pixels.", c->views[most].name, r->moved[most]);
+        (void)snprintf(camera, sizeof camera,
+                       " %.60s changes most, by %.1f "
+                       "pixels.",
+                       c->views[most].name, r->moved[most]);
     for (int v = 0; v < c->n_views; v++)
         sum += log(r->cameras[v].lens[0] / c->views[v].fx) / c->n_views;
     if (fabs(sum) > FOCAL_CHANGE)
-        (void)snprintf(focal, sizeof focal, " Focal lengths are %.0f %% too "
-                       "%s.", 100.0 * fabs(expm1(-sum)),
-                       sum < 0.0 ? "long" : "short");
-    saga_note(s->notes, "Poses and lenses can be refined: if all cameras are "
+        (void)snprintf(focal, sizeof focal,
+                       " Focal lengths are %.0f %% too "
+                       "%s.",
+                       100.0 * fabs(expm1(-sum)), sum < 0.0 ? "long" : "short");
+    saga_note(s->notes,
+              "Poses and lenses can be refined: if all cameras are "
               "adjusted to a part of the matches, the error of the other "
               "matches falls from %.2f to %.2f pixels.%s%s `saga encode` does "
-              "this; --fix FILE writes the refined cameras.", r->before,
-              r->after, camera, focal);
+              "this; --fix FILE writes the refined cameras.",
+              r->before, r->after, camera, focal);
 }
 
 /* Notes if two cameras at one place with the same direction do not see the
@@ -184,7 +206,8 @@ static void judge_refinement(saga_survey *s, const saga_capture *c)
 static void judge_twin(saga_survey *s, const saga_capture *c, int v)
 {
     static const saga_note_kind twin = {
-        "", ": one of the poses or files belongs to another camera."};
+        "", ": one of the poses or files belongs to another camera."
+    };
     const saga_survey_view *const one = &s->views[v];
     const saga_calibration *const fit = &s->calibration;
     const int w = one->nearest;
@@ -198,40 +221,46 @@ static void judge_twin(saga_survey *s, const saga_capture *c, int v)
         (apart || (fit->shared[v * c->n_views + w] == 0 &&
                    fit->n_features[v] >= FEW_FEATURES &&
                    fit->n_features[w] >= FEW_FEATURES)))
-        saga_note_each(s->notes, &twin, "%s and %s have the same pose, but see "
-                       "different things", c->views[v].name, c->views[w].name);
+        saga_note_each(s->notes, &twin,
+                       "%s and %s have the same pose, but see "
+                       "different things",
+                       c->views[v].name, c->views[w].name);
 }
 
 /* Notes what makes a view worth less than others. */
 static void judge_view(saga_survey *s, const saga_capture *c, int v)
 {
     static const saga_note_kind shares = {
-        "The depth of what no second camera sees is unknown: ", "."};
+        "The depth of what no second camera sees is unknown: ", "."
+    };
     static const saga_note_kind reprojects = {
         "A pose, a lens or a size is wrong: half of the model's features are "
-        "far from their points in ", "."};
+        "far from their points in ",
+        "."
+    };
     static const saga_note_kind exposure = {
         "Exposure differs from that of the other cameras: ",
         "; `saga encode` compensates for this, except where colours are "
-        "clipped."};
-    static const saga_note_kind missing = {"Pictures are missing: ", "."};
+        "clipped."
+    };
+    static const saga_note_kind missing = { "Pictures are missing: ", "." };
     const saga_survey_view *const one = &s->views[v];
-    const saga_shot *const shot = &c->views[v];
+    const saga_source_view *const view = &c->views[v];
     /* Each of these may be so without the others. */
     if (one->overlap < LITTLE_OVERLAP)
         saga_note_each(s->notes, &shares, "%s shares only %.0f %% of its view",
-                       shot->name, 100.0 * one->overlap);
-    if (shot->n_observations > 0 && shot->reprojection_median > OFF_PIXELS)
-        saga_note_each(s->notes, &reprojects, "%s (%.1f pixels)", shot->name,
-                       shot->reprojection_median);
+                       view->name, 100.0 * one->overlap);
+    if (view->n_observations > 0 && view->reprojection_median > OFF_PIXELS)
+        saga_note_each(s->notes, &reprojects, "%s (%.1f pixels)", view->name,
+                       view->reprojection_median);
     if (fabs(one->stops) > OFF_STOPS)
-        saga_note_each(s->notes, &exposure, "%s is %.2f stops %s", shot->name,
-                       fabs(one->stops), one->stops > 0.0 ? "brighter" :
-                       "darker");
+        saga_note_each(s->notes, &exposure, "%s is %.2f stops %s", view->name,
+                       fabs(one->stops),
+                       one->stops > 0.0 ? "brighter" : "darker");
     judge_twin(s, c, v);
-    if (shot->n_missing > 0 && !c->moves)
+    if (view->n_missing > 0 && !c->moves)
         saga_note_each(s->notes, &missing, "%s lacks %d of %d pictures",
-                       shot->name, shot->n_missing, c->n_frames);
+                       view->name, view->n_missing, c->n_frames);
 }
 
 static bool is_late(const saga_lateness *late)
@@ -243,24 +272,27 @@ static bool is_late(const saga_lateness *late)
 static void judge_late(saga_survey *s, const saga_capture *c)
 {
     char after[SAGA_NAME_NBYTES + 60] = "";
-    saga_note_kind kind = {"", after};
+    saga_note_kind kind = { "", after };
     for (int v = 0; v < c->n_views; v++) {
         const saga_lateness *const late = &s->views[v].late;
         if (!is_late(late))
             continue;
         if (!after[0])
-            (void)snprintf(after, sizeof after, ": give --late %s=%.3g, or "
-                           "hold it out.", c->views[v].name,
-                           saga_lateness_likely(late));
+            (void)snprintf(after, sizeof after,
+                           ": give --late %s=%.3g, or "
+                           "hold it out.",
+                           c->views[v].name, saga_lateness_likely(late));
         else
             kind.after = ": give `saga encode` --late auto, or hold them out.";
     }
     for (int v = 0; v < c->n_views; v++) {
         const saga_lateness *const late = &s->views[v].late;
         if (is_late(late))
-            saga_note_each(s->notes, &kind, "%s seems to run %.1f frames "
-                           "(+-%.1f) %s the others", c->views[v].name,
-                           fabs(late->frames), late->tolerance,
+            saga_note_each(s->notes, &kind,
+                           "%s seems to run %.1f frames "
+                           "(+-%.1f) %s the others",
+                           c->views[v].name, fabs(late->frames),
+                           late->tolerance,
                            late->frames > 0.0 ? "behind" : "before");
     }
 }

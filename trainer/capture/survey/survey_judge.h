@@ -8,7 +8,7 @@
 #include "survey.h"
 
 enum {
-    SAGA_FEW_PLACES = 8    /* with fewer points or rays nothing is reported */
+    SAGA_FEW_PLACES = 8 /* with fewer points or rays nothing is reported */
 };
 
 /* Adds notes to a survey whose measurements are complete. */

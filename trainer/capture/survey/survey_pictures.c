@@ -25,11 +25,11 @@
 #define OTHER_FACTOR 3.0
 /* An exchange of red and blue must leave this part of the difference. */
 #define EXCHANGED 0.6
-#define SOME_COLOUR 4.0      /* levels; a grey scene tells nothing */
+#define SOME_COLOUR 4.0 /* levels; a grey scene tells nothing */
 /* Matches as a part of the median camera's. A picture of something else has a
  * few by chance. */
 #define ALONE 0.1
-#define AS_FAR 0.8           /* angle of a neighbour against this camera's */
+#define AS_FAR 0.8 /* angle of a neighbour against this camera's */
 #define NEARLY_ALL 0.8
 /* With a median below this, cameras are too far apart to match: a pair has 16
  * matches or none. The ring of ten cameras, 33 degrees apart, has 23. */
@@ -40,16 +40,19 @@
 /* The median camera. */
 typedef struct typical {
     double detail, colour, matches; /* NaN: too few cameras know theirs */
-    const double *n_matches; /* (n_views) */
+    const double *n_matches;        /* (n_views) */
     int n_views;
 } typical;
 
-static void blank(char *notes, const saga_shot *shot, const saga_look *look)
+static void blank(char *notes, const saga_source_view *view,
+                  const saga_look *look)
 {
-    static const saga_note_kind kind = {"Nothing is seen: ", REMEDY};
+    static const saga_note_kind kind = { "Nothing is seen: ", REMEDY };
     saga_note_each(notes, &kind, "%s is %s (in %d of %d pictures looked at)",
-                   shot->name, look->level < 48.0 ? "black" :
-                   look->level > 208.0 ? "white" : "of one colour",
+                   view->name,
+                   look->level < 48.0    ? "black"
+                   : look->level > 208.0 ? "white"
+                                         : "of one colour",
                    look->n_blank, look->n_seen);
 }
 
@@ -83,19 +86,22 @@ static bool is_alone(const saga_survey *s, int v, const typical *t)
 static void judge_one(saga_survey *s, const saga_capture *c, int v,
                       const typical *t)
 {
-    static const saga_note_kind noise = {"Noise instead of pictures: ",
-                                         REMEDY};
-    static const saga_note_kind swapped = {"Red and blue are exchanged: ",
-                                           REMEDY};
-    static const saga_note_kind blurred = {"Out of focus: ", REMEDY};
+    static const saga_note_kind noise = { "Noise instead of pictures: ",
+                                          REMEDY };
+    static const saga_note_kind swapped = { "Red and blue are exchanged: ",
+                                            REMEDY };
+    static const saga_note_kind blurred = { "Out of focus: ", REMEDY };
     static const saga_note_kind frozen = {
-        "Frozen, or nothing that moves is in view: ", REMEDY};
+        "Frozen, or nothing that moves is in view: ", REMEDY
+    };
     static const saga_note_kind alone = {
-        "Another scene, or pictures that show too little: ", REMEDY};
+        "Another scene, or pictures that show too little: ", REMEDY
+    };
     static const saga_note_kind coloured = {
         "Colours are not those that other cameras see at the same places: ",
         "; `saga encode` evens out one factor for each of red, green and blue, "
-        "but nothing else."};
+        "but nothing else."
+    };
     const saga_survey_view *const one = &s->views[v];
     const saga_look *const look = &one->look;
     const char *const name = c->views[v].name;
@@ -104,20 +110,25 @@ static void judge_one(saga_survey *s, const saga_capture *c, int v,
     if (look->alike < NOISE)
         saga_note_each(s->notes, &noise, "%s", name);
     else if (one->colour > SOME_COLOUR && one->swapped < EXCHANGED)
-        saga_note_each(s->notes, &swapped, "%s (colours differ by %.0f of 255 "
-                       "levels; exchanged by %.0f)", name, one->colour,
-                       one->colour * one->swapped);
+        saga_note_each(s->notes, &swapped,
+                       "%s (colours differ by %.0f of 255 "
+                       "levels; exchanged by %.0f)",
+                       name, one->colour, one->colour * one->swapped);
     else if (look->detail < BLURRED * t->detail)
-        saga_note_each(s->notes, &blurred, "%s has %.0f %% of the others' fine "
-                       "detail", name, 100.0 * look->detail / t->detail);
+        saga_note_each(s->notes, &blurred,
+                       "%s has %.0f %% of the others' fine "
+                       "detail",
+                       name, 100.0 * look->detail / t->detail);
     else if (look->still > FROZEN)
-        saga_note_each(s->notes, &frozen, "%s stands still in %.0f %% of the "
-                       "steps in which others change", name,
-                       100.0 * look->still);
+        saga_note_each(s->notes, &frozen,
+                       "%s stands still in %.0f %% of the "
+                       "steps in which others change",
+                       name, 100.0 * look->still);
     else if (is_alone(s, v, t))
-        saga_note_each(s->notes, &alone, "%s has %.0f matches with all other "
-                       "cameras (the median has %.0f)", name, t->n_matches[v],
-                       t->matches);
+        saga_note_each(s->notes, &alone,
+                       "%s has %.0f matches with all other "
+                       "cameras (the median has %.0f)",
+                       name, t->n_matches[v], t->matches);
     else if (one->colour > fmax(OTHER_COLOUR, OTHER_FACTOR * t->colour))
         saga_note_each(s->notes, &coloured, "%s differs by %.0f of 255 levels",
                        name, one->colour);
@@ -135,8 +146,7 @@ static double median_known(const double *x, size_t n, double *scratch)
 }
 
 bool saga_survey_judge_pictures(saga_survey *survey,
-                                const saga_capture *capture,
-                                saga_error *error)
+                                const saga_capture *capture, saga_error *error)
 {
     const size_t n = (size_t)capture->n_views;
     /* Detail, colours, blank pictures and matches of each view, and scratch
@@ -152,16 +162,16 @@ bool saga_survey_judge_pictures(saga_survey *survey,
     }
     count_matches(x + 3 * n, survey, capture->n_views);
     double *const scratch = x + 4 * n;
-    const typical t = {median_known(x, n, scratch),
-                       median_known(x + n, n, scratch),
-                       median_known(x + 3 * n, n, scratch), x + 3 * n,
-                       capture->n_views};
+    const typical t = { median_known(x, n, scratch),
+                        median_known(x + n, n, scratch),
+                        median_known(x + 3 * n, n, scratch), x + 3 * n,
+                        capture->n_views };
     const double n_dark = saga_median(x + 2 * n, n);
     for (int v = 0; v < capture->n_views; v++) {
         const saga_look *const look = &survey->views[v].look;
         /* All cameras may be dark at once, but not in all pictures. */
-        if (look->n_blank > n_dark || (look->n_blank > 0 &&
-                                       look->n_blank == look->n_seen))
+        if (look->n_blank > n_dark ||
+            (look->n_blank > 0 && look->n_blank == look->n_seen))
             blank(survey->notes, &capture->views[v], look);
         else if (!capture->moves)
             judge_one(survey, capture, v, &t);

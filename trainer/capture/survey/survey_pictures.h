@@ -11,7 +11,6 @@
 /* Adds notes about cameras whose pictures are wrong. All measurements are
  * complete. Returns false if memory is short. */
 bool saga_survey_judge_pictures(saga_survey *survey,
-                                const saga_capture *capture,
-                                saga_error *error);
+                                const saga_capture *capture, saga_error *error);
 
 #endif

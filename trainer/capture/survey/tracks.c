@@ -11,9 +11,9 @@
  * show. */
 typedef struct forest {
     const saga_pairs *pairs;
-    size_t *first;           /* (n_views + 1) number of a view's first
-                              * feature */
-    size_t *parent;          /* (n) */
+    size_t *first;  /* (n_views + 1) number of a view's first
+                     * feature */
+    size_t *parent; /* (n) */
     size_t n;
 } forest;
 
@@ -30,9 +30,9 @@ static void link_matches(forest *f)
         const saga_pair *const p = &f->pairs->list[i];
         for (size_t k = 0; k < p->n; k++) {
             const size_t a = root_of(f, f->first[p->a] +
-                                        (size_t)p->matches[k].of_a);
+                                            (size_t)p->matches[k].of_a);
             const size_t b = root_of(f, f->first[p->b] +
-                                        (size_t)p->matches[k].of_b);
+                                            (size_t)p->matches[k].of_b);
             /* The lowest number becomes the root, whatever the order of the
              * pairs. */
             f->parent[a > b ? a : b] = a > b ? b : a;
@@ -68,8 +68,9 @@ static void collect(saga_tracks *t, const forest *f)
         for (size_t i = f->first[v]; i < f->first[v + 1]; i++) {
             const saga_feature *const one =
                 &f->pairs->features[v].list[i - f->first[v]];
-            t->sights[i] = (saga_sight){.camera = v, .place = root_of(f, i),
-                                        .at = {one->x, one->y}};
+            t->sights[i] = (saga_sight){ .camera = v,
+                                         .place = root_of(f, i),
+                                         .at = { one->x, one->y } };
         }
     t->n_sights = f->n;
     qsort(t->sights, f->n, sizeof *t->sights, by_place);
@@ -92,8 +93,8 @@ bool saga_tracks_make(saga_tracks *tracks, const saga_pairs *pairs,
 {
     static const char what[] = "the matches";
     const int n_views = pairs->capture->n_views;
-    forest f = {.pairs = pairs};
-    *tracks = (saga_tracks){.n_places = 0};
+    forest f = { .pairs = pairs };
+    *tracks = (saga_tracks){ .n_places = 0 };
     f.first = saga_alloc((size_t)n_views + 1, sizeof *f.first, what, error);
     for (int v = 0; f.first && v < n_views; v++) {
         f.first[v] = f.n;
@@ -117,7 +118,7 @@ bool saga_tracks_make(saga_tracks *tracks, const saga_pairs *pairs,
 void saga_tracks_free(saga_tracks *tracks)
 {
     free(tracks->sights);
-    *tracks = (saga_tracks){.n_places = 0};
+    *tracks = (saga_tracks){ .n_places = 0 };
 }
 
 size_t saga_tracks_length(const saga_tracks *t, size_t first)
@@ -139,7 +140,9 @@ double saga_transfer_off(const saga_pinhole *cameras, const saga_sight *sights,
         if (i != k)
             others[n_others++] = sights[i];
     return saga_bundle_meet(place, cameras, others, n_others) &&
-           saga_bundle_differ(off, by_camera, by_place,
-                              &cameras[sights[k].camera], place, sights[k].at)
-        ? hypot(off[0], off[1]) : (double)INFINITY;
+                   saga_bundle_differ(off, by_camera, by_place,
+                                      &cameras[sights[k].camera], place,
+                                      sights[k].at)
+               ? hypot(off[0], off[1])
+               : (double)INFINITY;
 }

@@ -13,7 +13,7 @@
 #include "pairs.h"
 
 typedef struct saga_tracks {
-    saga_sight *sights;      /* (n_sights) sorted by place, then by camera */
+    saga_sight *sights; /* (n_sights) sorted by place, then by camera */
     size_t n_sights, n_places;
 } saga_tracks;
 

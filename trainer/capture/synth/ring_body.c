@@ -22,7 +22,7 @@ saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
                                   double radius, const double side[3],
                                   enum saga_ring_object object)
 {
-    saga_ring_shape s = {.object = object, .radius = radius};
+    saga_ring_shape s = { .object = object, .radius = radius };
     for (int i = 0; i < 3; i++) {
         s.a[i] = a[i];
         s.frame[0][i] = b[i] - a[i];
@@ -38,10 +38,9 @@ saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
 }
 
 saga_ring_shape saga_ring_ball(const double centre[3], double radius,
-                               double frame[3][3],
-                               enum saga_ring_object object)
+                               double frame[3][3], enum saga_ring_object object)
 {
-    saga_ring_shape s = {.object = object, .radius = radius, .bound = radius};
+    saga_ring_shape s = { .object = object, .radius = radius, .bound = radius };
     memcpy(s.a, centre, sizeof s.a);
     memcpy(s.centre, centre, sizeof s.centre);
     memcpy(s.frame, frame, sizeof s.frame);
@@ -53,9 +52,9 @@ saga_ring_shape saga_ring_ball(const double centre[3], double radius,
 /* The runner's axes are forward, left and up; they lean into the curve. */
 typedef struct pose {
     const saga_ring_plan *plan;
-    double t;                /* seconds */
+    double t; /* seconds */
     double axes[3][3];
-    double chest[3][3];      /* the axes, twisted against the hips */
+    double chest[3][3]; /* the axes, twisted against the hips */
     double pelvis[3];
     saga_ring_shape *to;
     int n;
@@ -81,7 +80,7 @@ static void limb(double end[3], const double from[3], double axes[3][3],
     const double l = length_out[0], o = length_out[1];
     /* The length that remains in the plane of forward and up. */
     const double in = l * sqrt(1.0 - o * o);
-    const double flu[3] = {in * s, l * o, -in * c};
+    const double flu[3] = { in * s, l * o, -in * c };
     reach(end, from, axes, flu);
 }
 
@@ -90,7 +89,7 @@ static void limb(double end[3], const double from[3], double axes[3][3],
 static void add(pose *p, const double a[3], const double b[3], double radius,
                 enum saga_ring_object object)
 {
-    const double v[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+    const double v[3] = { b[0] - a[0], b[1] - a[1], b[2] - a[2] };
     const double left = dot3(v, p->axes[1]);
     /* The second axis of the capsule must not be parallel to the first. */
     const int side = left * left > 0.8 * dot3(v, v) ? 0 : 1;
@@ -127,13 +126,13 @@ static void bend_leg(leg *l, pose *p, const double pelvis[3], int side)
     /* Angles are in turns: a lifted foot bends the knee by up to a quarter
      * turn. */
     const double shin = thigh - 0.03 - 0.25 * lift;
-    const double at[3] = {0.0, 0.10 * k * sign, 0.0};
+    const double at[3] = { 0.0, 0.10 * k * sign, 0.0 };
     reach(l->hip, pelvis, p->axes, at);
     limb(l->knee, l->hip, p->axes, thigh,
-         (const double[2]){0.44 * k, 0.03 * sign});
-    limb(l->ankle, l->knee, p->axes, shin, (const double[2]){0.43 * k, 0.0});
+         (const double[2]){ 0.44 * k, 0.03 * sign });
+    limb(l->ankle, l->knee, p->axes, shin, (const double[2]){ 0.43 * k, 0.0 });
     limb(l->toe, l->ankle, p->axes, shin + 0.21 - 0.08 * lift,
-         (const double[2]){0.16 * k, 0.06 * sign});
+         (const double[2]){ 0.16 * k, 0.06 * sign });
 }
 
 static void add_leg(pose *p, const leg *l)
@@ -167,10 +166,10 @@ static void place(pose *p)
     const double way = plan->path_turn > 0.0 ? 1.0 : -1.0;
     double s, c;
     saga_synth_sin_cos(plan->path_start + plan->path_turn * p->t, &s, &c);
-    const double side[3] = {-way * c, -way * s, 0.0}; /* left: inwards */
+    const double side[3] = { -way * c, -way * s, 0.0 }; /* left: inwards */
     /* The runner leans forward and inwards into the curve. */
-    const double lean[3] = {-0.10 * c - 0.16 * way * s,
-                            -0.10 * s + 0.16 * way * c, 1.0};
+    const double lean[3] = { -0.10 * c - 0.16 * way * s,
+                             -0.10 * s + 0.16 * way * c, 1.0 };
     p->pelvis[0] = plan->path_radius * c;
     p->pelvis[1] = plan->path_radius * s;
     memcpy(p->axes[2], lean, sizeof lean);
@@ -227,11 +226,11 @@ static void add_arm(pose *p, const double shoulder[3], const arm *a,
     const double k = p->plan->size;
     double elbow[3], wrist[3];
     limb(elbow, shoulder, p->chest, a->upper,
-         (const double[2]){0.29 * k, a->out});
+         (const double[2]){ 0.29 * k, a->out });
     limb(wrist, elbow, p->chest, a->fore,
-         (const double[2]){0.26 * k, 0.5 * a->out});
+         (const double[2]){ 0.26 * k, 0.5 * a->out });
     limb(hand, elbow, p->chest, a->fore,
-         (const double[2]){0.32 * k, 0.5 * a->out});
+         (const double[2]){ 0.32 * k, 0.5 * a->out });
     add(p, shoulder, elbow, 0.050, SAGA_RING_SHIRT);
     add(p, elbow, wrist, 0.040, SAGA_RING_SKIN);
     add_ball(p, hand, 0.055, SAGA_RING_SKIN);
@@ -242,7 +241,7 @@ static void add_baton(pose *p, const double hand[3], double turns)
     double ends[2][3];
     for (int i = 0; i < 2; i++)
         limb(ends[i], hand, p->chest, turns + 0.5 * i,
-             (const double[2]){i ? 0.10 : 0.50, 0.25});
+             (const double[2]){ i ? 0.10 : 0.50, 0.25 });
     p->to[p->n++] = saga_ring_capsule(ends[1], ends[0], 0.012, p->axes[1],
                                       SAGA_RING_BATON);
 }
@@ -254,10 +253,10 @@ static void add_arms(pose *p, const double neck[3], double hand[3])
     /* Arms swing opposite to the legs and to each other. */
     saga_synth_sin_cos(p->plan->stride * p->t, &swing, &unused);
     for (int side = 0; side < 2; side++)
-        reach(shoulder[side], neck, p->chest, (const double[3]){
-              0.0, (side ? -0.20 : 0.20) * k, -0.07 * k});
-    const arm left = {-0.02 - 0.10 * swing, 0.16 - 0.13 * swing, 0.16};
-    const arm loose = {-0.02 + 0.10 * swing, 0.16 + 0.13 * swing, -0.16};
+        reach(shoulder[side], neck, p->chest,
+              (const double[3]){ 0.0, (side ? -0.20 : 0.20) * k, -0.07 * k });
+    const arm left = { -0.02 - 0.10 * swing, 0.16 - 0.13 * swing, 0.16 };
+    const arm loose = { -0.02 + 0.10 * swing, 0.16 + 0.13 * swing, -0.16 };
     const arm right = throwing(p->plan, p->t, loose);
     add_arm(p, shoulder[0], &left, left_hand);
     add_arm(p, shoulder[1], &right, hand);
@@ -268,22 +267,22 @@ static void add_trunk(pose *p, double neck[3])
 {
     const double k = p->plan->size;
     double at[4][3], head[3];
-    reach(neck, p->pelvis, p->axes, (const double[3]){0.02, 0.0, 0.52 * k});
+    reach(neck, p->pelvis, p->axes, (const double[3]){ 0.02, 0.0, 0.52 * k });
     for (int i = 0; i < 2; i++) {
         const double l = i ? -1.0 : 1.0;
         reach(at[i], p->pelvis, p->axes,
-              (const double[3]){0.0, 0.075 * l * k, 0.03});
+              (const double[3]){ 0.0, 0.075 * l * k, 0.03 });
         reach(at[2 + i], neck, p->chest,
-              (const double[3]){0.0, 0.085 * l * k, -0.16 * k});
+              (const double[3]){ 0.0, 0.085 * l * k, -0.16 * k });
     }
     /* Hips, chest, waist, neck and head; each joint is relative to pelvis or
      * neck. */
     add(p, at[0], at[1], 0.100, SAGA_RING_TROUSERS);
     add(p, at[2], at[3], 0.120, SAGA_RING_SHIRT);
-    reach(at[0], p->pelvis, p->axes, (const double[3]){0.0, 0.0, 0.08});
-    reach(at[1], neck, p->chest, (const double[3]){0.0, 0.0, -0.20 * k});
+    reach(at[0], p->pelvis, p->axes, (const double[3]){ 0.0, 0.0, 0.08 });
+    reach(at[1], neck, p->chest, (const double[3]){ 0.0, 0.0, -0.20 * k });
     add(p, at[0], at[1], 0.125, SAGA_RING_SHIRT);
-    reach(head, neck, p->chest, (const double[3]){0.04, 0.0, 0.19 * k});
+    reach(head, neck, p->chest, (const double[3]){ 0.04, 0.0, 0.19 * k });
     add(p, neck, head, 0.050, SAGA_RING_SKIN);
     add_ball(p, head, 0.120, SAGA_RING_HEAD);
 }
@@ -291,7 +290,7 @@ static void add_trunk(pose *p, double neck[3])
 int saga_ring_body(saga_ring_shape *to, double hand[3],
                    const saga_ring_plan *plan, double seconds)
 {
-    pose p = {.plan = plan, .t = seconds, .to = to};
+    pose p = { .plan = plan, .t = seconds, .to = to };
     double swing, unused, neck[3];
     leg legs[2];
     /* The body is built from the path upwards: each part begins where the

@@ -46,8 +46,9 @@ static void draw_poles(saga_ring_plan *p, uint32_t seed)
     const double start = saga_ring_draw(seed, 20, 0.0, 1.0);
     for (int i = 0; i < SAGA_RING_N_POLES; i++) {
         double *const pole = p->pole[i];
-        on_circle(pole, start + (i + saga_ring_draw(seed, 30 + i, 0.0, 0.5)) /
-                  SAGA_RING_N_POLES,
+        on_circle(pole,
+                  start + (i + saga_ring_draw(seed, 30 + i, 0.0, 0.5)) /
+                              SAGA_RING_N_POLES,
                   saga_ring_draw(seed, 40 + i, 1.25, 2.15));
         pole[2] = 0.0;
         pole[3] = pole[0] + saga_ring_draw(seed, 50 + i, -0.15, 0.15);
@@ -60,24 +61,24 @@ void saga_ring_draw_plan(saga_ring_plan *p, uint32_t seed)
 {
     const double way = saga_ring_draw(seed, 0, -1.0, 1.0) < 0.0 ? -1.0 : 1.0;
     const double corner = saga_ring_draw(seed, 13, 0.0, 1.0);
-    *p = (saga_ring_plan){
-        .salt = seed * 0x85ebca77u + 5u,
-        .size = saga_ring_draw(seed, 1, 0.93, 1.05),
-        .girth = saga_ring_draw(seed, 2, 0.90, 1.15),
-        .path_radius = saga_ring_draw(seed, 3, 0.55, 0.80),
-        .path_start = saga_ring_draw(seed, 4, 0.0, 1.0),
-        .path_turn = way * saga_ring_draw(seed, 5, 0.30, 0.48),
-        .stride = saga_ring_draw(seed, 6, 1.3, 1.8),
-        .release = saga_ring_draw(seed, 7, 0.34, 0.46),
-        .aim = saga_ring_draw(seed, 8, -0.08, 0.08),
-        .reach = saga_ring_draw(seed, 9, 1.3, 2.0),
-        .flight = saga_ring_draw(seed, 10, 0.42, 0.60),
-        .comes = saga_ring_draw(seed, 11, 0.30, 0.50),
-        .goes = saga_ring_draw(seed, 12, 0.55, 0.75)};
+    *p = (saga_ring_plan){ .salt = seed * 0x85ebca77u + 5u,
+                           .size = saga_ring_draw(seed, 1, 0.93, 1.05),
+                           .girth = saga_ring_draw(seed, 2, 0.90, 1.15),
+                           .path_radius = saga_ring_draw(seed, 3, 0.55, 0.80),
+                           .path_start = saga_ring_draw(seed, 4, 0.0, 1.0),
+                           .path_turn = way *
+                                        saga_ring_draw(seed, 5, 0.30, 0.48),
+                           .stride = saga_ring_draw(seed, 6, 1.3, 1.8),
+                           .release = saga_ring_draw(seed, 7, 0.34, 0.46),
+                           .aim = saga_ring_draw(seed, 8, -0.08, 0.08),
+                           .reach = saga_ring_draw(seed, 9, 1.3, 2.0),
+                           .flight = saga_ring_draw(seed, 10, 0.42, 0.60),
+                           .comes = saga_ring_draw(seed, 11, 0.30, 0.50),
+                           .goes = saga_ring_draw(seed, 12, 0.55, 0.75) };
     /* Things stand in four sectors of a quarter turn each. */
     for (int i = 0; i < 4; i++)
-        p->place[i] =
-            corner + 0.25 * i + saga_ring_draw(seed, 14 + i, 0.0, 0.15);
+        p->place[i] = corner + 0.25 * i +
+                      saga_ring_draw(seed, 14 + i, 0.0, 0.15);
     /* The light is 2.8 m from the middle and 3.1 m high. */
     on_circle(p->light, saga_ring_draw(seed, 18, 0.0, 1.0), 2.8);
     p->light[2] = 3.1;
@@ -108,8 +109,7 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
     for (int bounce = 0; bounce < 12; bounce++) {
         /* The time at which z + up t - g t^2 / 2 reaches the floor, which is
          * the later root. */
-        const double lands =
-            (up + sqrt(up * up + 2.0 * g * (z - floor_z))) / g;
+        const double lands = (up + sqrt(up * up + 2.0 * g * (z - floor_z))) / g;
         const double t = left < lands ? left : lands;
         at[0] += keep * speed[0] * t;
         at[1] += keep * speed[1] * t;
@@ -145,8 +145,9 @@ static void throw_speed(double speed[3], const double hand[3],
 /* Sets axes that turn about a slanted axis. */
 static void spin(double frame[3][3], double turns)
 {
-    static const double axis[3][3] = {
-        {0.6, 0.0, 0.8}, {0.0, 1.0, 0.0}, {-0.8, 0.0, 0.6}};
+    static const double axis[3][3] = { { 0.6, 0.0, 0.8 },
+                                       { 0.0, 1.0, 0.0 },
+                                       { -0.8, 0.0, 0.6 } };
     double s, c;
     saga_synth_sin_cos(turns, &s, &c);
     for (int i = 0; i < 3; i++) {
@@ -159,8 +160,7 @@ static void spin(double frame[3][3], double turns)
 static void add_thrown(saga_ring_state *s, const double hand[3])
 {
     const saga_ring_plan *const p = &s->plan;
-    const double round =
-        SAGA_RING_ROUND * floor(s->seconds / SAGA_RING_ROUND);
+    const double round = SAGA_RING_ROUND * floor(s->seconds / SAGA_RING_ROUND);
     const double since = s->seconds - round - p->release;
     saga_ring_shape unused[SAGA_RING_BODY_SHAPES];
     double from[3], speed[3], at[3], frame[3][3];
@@ -173,8 +173,8 @@ static void add_thrown(saga_ring_state *s, const double hand[3])
         saga_ring_fly(at, from, speed, since);
     }
     spin(frame, since > 0.0 ? 2.2 * since : 0.0);
-    s->shape[s->n_shapes++] =
-        saga_ring_ball(at, SAGA_RING_BALL_RADIUS, frame, SAGA_RING_BALL);
+    s->shape[s->n_shapes++] = saga_ring_ball(at, SAGA_RING_BALL_RADIUS, frame,
+                                             SAGA_RING_BALL);
 }
 
 /* ------------------------------------------------------------------- things */
@@ -183,7 +183,7 @@ static void add_thrown(saga_ring_state *s, const double hand[3])
 static saga_ring_shape box(const double centre[3], const double half[3],
                            double turns, enum saga_ring_object object)
 {
-    saga_ring_shape b = {.object = object, .is_box = true};
+    saga_ring_shape b = { .object = object, .is_box = true };
     double s, c;
     saga_synth_sin_cos(turns, &s, &c);
     memcpy(b.a, centre, sizeof b.a);
@@ -201,7 +201,7 @@ static void add_box(saga_ring_state *s, const double at_turns_z[3],
                     const double half[3], double turns,
                     enum saga_ring_object object)
 {
-    double centre[3] = {0.0, 0.0, at_turns_z[2]};
+    double centre[3] = { 0.0, 0.0, at_turns_z[2] };
     on_circle(centre, at_turns_z[1], at_turns_z[0]);
     s->shape[s->n_shapes++] = box(centre, half, turns, object);
 }
@@ -209,16 +209,16 @@ static void add_box(saga_ring_state *s, const double at_turns_z[3],
 static void add_guests(saga_ring_state *s)
 {
     const saga_ring_plan *const p = &s->plan;
-    static const double stand[3] = {0.16, 0.16, 0.30};
-    static const double cube[3] = {0.17, 0.17, 0.17};
-    const double t =
-        s->seconds - SAGA_RING_ROUND * floor(s->seconds / SAGA_RING_ROUND);
-    double at[3] = {0.0, 0.0, 0.60 + 0.19}, frame[3][3];
+    static const double stand[3] = { 0.16, 0.16, 0.30 };
+    static const double cube[3] = { 0.17, 0.17, 0.17 };
+    const double t = s->seconds -
+                     SAGA_RING_ROUND * floor(s->seconds / SAGA_RING_ROUND);
+    double at[3] = { 0.0, 0.0, 0.60 + 0.19 }, frame[3][3];
     for (int i = 0; i < 2; i++)
-        add_box(s, (const double[3]){1.5, p->place[i], 0.30}, stand,
+        add_box(s, (const double[3]){ 1.5, p->place[i], 0.30 }, stand,
                 p->place[i], SAGA_RING_CRATE);
     if (t >= p->comes)
-        add_box(s, (const double[3]){1.5, p->place[0], 0.60 + 0.17}, cube,
+        add_box(s, (const double[3]){ 1.5, p->place[0], 0.60 + 0.17 }, cube,
                 p->place[0] + 0.5 * s->seconds, SAGA_RING_COMER);
     if (t >= p->goes)
         return;
@@ -230,21 +230,21 @@ static void add_guests(saga_ring_state *s)
 static void add_still(saga_ring_state *s)
 {
     const saga_ring_plan *const p = &s->plan;
-    static const double crate[3] = {0.28, 0.20, 0.24};
-    static const double display[3] = {0.03, 0.95, 0.56};
-    static const double across[3] = {0.6, 0.8, 0.0};
-    add_box(s, (const double[3]){1.65, p->place[2], 0.24}, crate,
+    static const double crate[3] = { 0.28, 0.20, 0.24 };
+    static const double display[3] = { 0.03, 0.95, 0.56 };
+    static const double across[3] = { 0.6, 0.8, 0.0 };
+    add_box(s, (const double[3]){ 1.65, p->place[2], 0.24 }, crate,
             p->place[2] + 0.1, SAGA_RING_CRATE);
     for (int i = 0; i < 2; i++)
-        add_box(s, (const double[3]){3.85, p->place[3] + 0.5 * i, 1.45},
+        add_box(s, (const double[3]){ 3.85, p->place[3] + 0.5 * i, 1.45 },
                 display, p->place[3] + 0.5 * i, SAGA_RING_DISPLAY);
     for (int i = 0; i < SAGA_RING_N_POLES; i++)
-        s->shape[s->n_shapes++] =
-            saga_ring_capsule(p->pole[i], p->pole[i] + 3, 0.008 + 0.0015 * i,
-                              across, SAGA_RING_POLE);
-    s->shape[s->n_shapes++] =
-        saga_ring_capsule(p->pole[0] + 3, p->pole[1] + 3, 0.006,
-                          (const double[3]){0.0, 0.0, 1.0}, SAGA_RING_POLE);
+        s->shape[s->n_shapes++] = saga_ring_capsule(p->pole[i], p->pole[i] + 3,
+                                                    0.008 + 0.0015 * i, across,
+                                                    SAGA_RING_POLE);
+    s->shape[s->n_shapes++] = saga_ring_capsule(
+        p->pole[0] + 3, p->pole[1] + 3, 0.006,
+        (const double[3]){ 0.0, 0.0, 1.0 }, SAGA_RING_POLE);
 }
 
 static void bound_body(saga_ring_state *s)
@@ -271,8 +271,7 @@ void saga_ring_at(saga_ring_state *s, uint32_t seed, double seconds)
     memset(s, 0, sizeof *s);
     s->seconds = seconds;
     saga_ring_draw_plan(&s->plan, seed);
-    s->n_body = s->n_shapes =
-        saga_ring_body(s->shape, hand, &s->plan, seconds);
+    s->n_body = s->n_shapes = saga_ring_body(s->shape, hand, &s->plan, seconds);
     bound_body(s);
     add_thrown(s, hand);
     add_guests(s);

@@ -7,9 +7,21 @@
 
 /* Indices of the plan's colours. */
 enum {
-    C_SHIRT, C_STRIPE, C_TROUSERS, C_CHECK, C_HAIR, C_SHOE, C_BALL, C_SEAM,
-    C_COMER, C_GOER, C_CRATE, C_GROUND, C_MAT, C_WALL /* and those that
-                                                       * follow */
+    C_SHIRT,
+    C_STRIPE,
+    C_TROUSERS,
+    C_CHECK,
+    C_HAIR,
+    C_SHOE,
+    C_BALL,
+    C_SEAM,
+    C_COMER,
+    C_GOER,
+    C_CRATE,
+    C_GROUND,
+    C_MAT,
+    C_WALL /* and those that
+            * follow */
 };
 
 static void dye(double rgb[3], const saga_ring_plan *p, int colour,
@@ -36,8 +48,7 @@ static void shirt(const saga_ring_plan *p, const double at[3], double rgb[3])
                                     p->salt + 1));
 }
 
-static void trousers(const saga_ring_plan *p, const double at[3],
-                     double rgb[3])
+static void trousers(const saga_ring_plan *p, const double at[3], double rgb[3])
 {
     dye(rgb, p, C_TROUSERS, 1.0);
     dye(rgb, p, C_CHECK, 0.6 * stripes(at[0] / 0.12, 0.08));
@@ -53,15 +64,18 @@ static void head(const saga_ring_plan *p, const double at[3], double rgb[3])
     const double side = l - 0.36, high = u - 0.12;
     const double eye = sqrt(side * side + high * high);
     const double front = ramp(0.25, 0.35, f);
-    const double hair = ramp(-0.06, 0.06, u - 0.35 - 0.9 * f +
-                             0.25 * grain(4.0 * at[1], 4.0 * u, p->salt + 3));
+    const double hair = ramp(
+        -0.06, 0.06,
+        u - 0.35 - 0.9 * f + 0.25 * grain(4.0 * at[1], 4.0 * u, p->salt + 3));
     paint(rgb, 0.60, 0.40, 0.28, 1.0);
     paint(rgb, 0.04, 0.04, 0.05, front * (1.0 - ramp(0.12, 0.17, eye)));
-    paint(rgb, 0.50, 0.10, 0.10, front * (1.0 - ramp(0.05, 0.10,
-          fabs(u + 0.42))) * (1.0 - ramp(0.22, 0.30, l)));
+    paint(rgb, 0.50, 0.10, 0.10,
+          front * (1.0 - ramp(0.05, 0.10, fabs(u + 0.42))) *
+              (1.0 - ramp(0.22, 0.30, l)));
     dye(rgb, p, C_HAIR, hair);
-    brighten(rgb, 1.0 + 0.7 * hair * grain(12.0 * at[1], 3.0 * u + 5.0 * f,
-                                           p->salt + 4));
+    brighten(rgb,
+             1.0 + 0.7 * hair *
+                       grain(12.0 * at[1], 3.0 * u + 5.0 * f, p->salt + 4));
 }
 
 /* ------------------------------------------------------------------- things */
@@ -71,16 +85,17 @@ static void ball(const saga_ring_plan *p, const double at[3], double rgb[3])
     dye(rgb, p, C_BALL, 1.0);
     dye(rgb, p, C_SEAM, ramp(-0.08, 0.08, at[0] * at[1]));
     paint(rgb, 0.75, 0.75, 0.70, 1.0 - ramp(0.14, 0.20, fabs(at[2])));
-    brighten(rgb, 1.0 + 0.4 * grain(4.0 * at[0], 4.0 * at[1] + at[2],
-                                    p->salt + 5));
+    brighten(rgb,
+             1.0 + 0.4 * grain(4.0 * at[0], 4.0 * at[1] + at[2], p->salt + 5));
 }
 
 static void goer(const saga_ring_plan *p, const double at[3], double rgb[3])
 {
     dye(rgb, p, C_GOER, 1.0);
     paint(rgb, 0.08, 0.08, 0.10,
-          stripes(2.5 * at[2] + 0.4 * noise(3.0 * at[0], 3.0 * at[1],
-                                            p->salt + 6), 0.08));
+          stripes(2.5 * at[2] +
+                      0.4 * noise(3.0 * at[0], 3.0 * at[1], p->salt + 6),
+                  0.08));
 }
 
 /* Sets `at` to the coordinates on a box's face, and returns the face's
@@ -91,9 +106,9 @@ static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
     double local[3], normal[3];
     int axis = 0;
     for (int i = 0; i < 3; i++) {
-        const double v[3] = {hit->position[0] - b->a[0],
-                             hit->position[1] - b->a[1],
-                             hit->position[2] - b->a[2]};
+        const double v[3] = { hit->position[0] - b->a[0],
+                              hit->position[1] - b->a[1],
+                              hit->position[2] - b->a[2] };
         local[i] = dot3(b->frame[i], v);
         normal[i] = dot3(b->frame[i], hit->normal);
         /* In the box's own axes the normal is +-1 along one axis and 0 along
@@ -111,8 +126,8 @@ static void comer(const saga_ring_plan *p, int face, const double at[2],
     const double r = sqrt(at[0] * at[0] + at[1] * at[1]);
     dye(rgb, p, C_COMER + face, 1.0);
     paint(rgb, 0.70, 0.68, 0.62, stripes(r / 0.11, 0.05));
-    brighten(rgb, 1.0 + 0.4 * grain(12.0 * at[0] + face, 12.0 * at[1],
-                                    p->salt + 7));
+    brighten(rgb,
+             1.0 + 0.4 * grain(12.0 * at[0] + face, 12.0 * at[1], p->salt + 7));
 }
 
 static void crate(const saga_ring_plan *p, int face, const double at[2],
@@ -143,8 +158,8 @@ static void picture(int32_t number, const double at[2], uint32_t salt,
         const double dx = at[0] - 1.6 * (lattice(number, 6 + i, salt) - 0.5);
         const double dy = at[1] - 0.9 * (lattice(number, 9 + i, salt) - 0.5);
         const double r = 0.10 + 0.16 * lattice(number, 12 + i, salt);
-        paint(rgb, lattice(number, 15 + i, salt), lattice(number, 18 + i,
-              salt), lattice(number, 21 + i, salt),
+        paint(rgb, lattice(number, 15 + i, salt), lattice(number, 18 + i, salt),
+              lattice(number, 21 + i, salt),
               1.0 - ramp(r, r + 0.02, sqrt(dx * dx + dy * dy)));
     }
 }
@@ -185,7 +200,7 @@ static void ground(const saga_ring_plan *p, double x, double y, double rgb[3])
     const double cell = lattice((int32_t)floor(u / 0.16),
                                 (int32_t)floor(v / 0.16), p->salt + 12);
     const double rim = 1.28 - (fabs(u) > fabs(v) ? fabs(u) : fabs(v));
-    double mat[3] = {0.55, 0.53, 0.48};
+    double mat[3] = { 0.55, 0.53, 0.48 };
     dye(rgb, p, C_GROUND, 1.0);
     brighten(rgb, 0.6 + 0.7 * tone);
     brighten(rgb, 1.0 + 0.7 * grain(9.0 * x, 1.6 * y, p->salt + 13));
@@ -203,8 +218,8 @@ static void bricks(const saga_ring_plan *p, double a, double z, double rgb[3])
     const double shift = a / 0.5 + 0.5 * (row - 2.0 * floor(0.5 * row));
     brighten(rgb, 0.7 + 0.6 * lattice((int32_t)floor(shift), (int32_t)row,
                                       p->salt + 20));
-    paint(rgb, 0.42, 0.40, 0.36, 0.7 * fmax(lines(z, 0.22, 0.012),
-          lines(shift + 0.5, 1.0, 0.024)));
+    paint(rgb, 0.42, 0.40, 0.36,
+          0.7 * fmax(lines(z, 0.22, 0.012), lines(shift + 0.5, 1.0, 0.024)));
 }
 
 static void boards(const saga_ring_plan *p, double a, double z, double rgb[3])
@@ -244,7 +259,7 @@ static void posters(const saga_ring_plan *p, int wall, const double at[2],
         const double r = sqrt(dx * dx + dz * dz);
         const double cell = lattice((int32_t)floor(dx / 0.12),
                                     (int32_t)floor(dz / 0.12), p->salt + 30);
-        double c[3] = {0.68, 0.66, 0.60};
+        double c[3] = { 0.68, 0.66, 0.60 };
         dye(c, p, k, i ? stripes(r / 0.22, 0.04) : cell < 0.5 ? 1.0 : 0.0);
         brighten(c, 1.0 + 0.3 * grain(6.0 * dx, 6.0 * dz, p->salt + 31));
         paint(rgb, c[0], c[1], c[2],
@@ -256,11 +271,11 @@ static void wall(const saga_ring_plan *p, const saga_ring_hit *hit,
                  double rgb[3])
 {
     static void (*const kinds[4])(const saga_ring_plan *, double, double,
-                                  double *) = {bricks, boards, waves, tiles};
+                                  double *) = { bricks, boards, waves, tiles };
     const double *const n = hit->normal;
     const int side = fabs(n[0]) > 0.5 ? 0 : 1;
     const int number = 2 * side + (n[side] > 0.0);
-    const double at[2] = {hit->position[1 - side], hit->position[2]};
+    const double at[2] = { hit->position[1 - side], hit->position[2] };
     if (fabs(n[2]) > 0.5) {
         paint(rgb, 0.45, 0.45, 0.44, 1.0);
         brighten(rgb, 1.0 + 0.3 * grain(hit->position[0], hit->position[1],
@@ -291,9 +306,9 @@ bool saga_ring_albedo(const saga_ring_state *s, const saga_ring_hit *hit,
                       double rgb[3])
 {
     const saga_ring_plan *const p = &s->plan;
-    const saga_ring_shape *const shape =
-        hit->shape < 0 ? NULL : &s->shape[hit->shape];
-    double at[3] = {0.0};
+    const saga_ring_shape *const shape = hit->shape < 0 ? NULL
+                                                        : &s->shape[hit->shape];
+    double at[3] = { 0.0 };
     int face = 0;
     /* Texture coordinates are relative to the shape, so that textures move and
      * turn with it. */
@@ -302,28 +317,49 @@ bool saga_ring_albedo(const saga_ring_state *s, const saga_ring_hit *hit,
     else if (shape)
         around(shape, hit, at);
     switch (hit->object) {
-    case SAGA_RING_SHIRT: shirt(p, at, rgb); break;
-    case SAGA_RING_TROUSERS: trousers(p, at, rgb); break;
-    case SAGA_RING_SKIN: paint(rgb, 0.58, 0.38, 0.27, 1.0); break;
-    case SAGA_RING_HEAD: head(p, at, rgb); break;
-    case SAGA_RING_SHOE: dye(rgb, p, C_SHOE, 1.0); break;
+    case SAGA_RING_SHIRT:
+        shirt(p, at, rgb);
+        break;
+    case SAGA_RING_TROUSERS:
+        trousers(p, at, rgb);
+        break;
+    case SAGA_RING_SKIN:
+        paint(rgb, 0.58, 0.38, 0.27, 1.0);
+        break;
+    case SAGA_RING_HEAD:
+        head(p, at, rgb);
+        break;
+    case SAGA_RING_SHOE:
+        dye(rgb, p, C_SHOE, 1.0);
+        break;
     case SAGA_RING_BATON:
         paint(rgb, 0.70, 0.66, 0.55, 1.0);
         paint(rgb, 0.60, 0.06, 0.06, stripes(at[0] / 0.2, 0.05));
         break;
-    case SAGA_RING_BALL: ball(p, at, rgb); break;
-    case SAGA_RING_COMER: comer(p, face, at, rgb); break;
-    case SAGA_RING_GOER: goer(p, at, rgb); break;
+    case SAGA_RING_BALL:
+        ball(p, at, rgb);
+        break;
+    case SAGA_RING_COMER:
+        comer(p, face, at, rgb);
+        break;
+    case SAGA_RING_GOER:
+        goer(p, at, rgb);
+        break;
     case SAGA_RING_POLE:
         paint(rgb, 0.10, 0.10, 0.11, 1.0);
         paint(rgb, 0.70, 0.62, 0.10, stripes(at[0] / 0.5, 0.02));
         break;
-    case SAGA_RING_CRATE: crate(p, face, at, rgb); break;
-    case SAGA_RING_DISPLAY: return display(s, hit->shape, face, at, rgb);
+    case SAGA_RING_CRATE:
+        crate(p, face, at, rgb);
+        break;
+    case SAGA_RING_DISPLAY:
+        return display(s, hit->shape, face, at, rgb);
     case SAGA_RING_GROUND:
         ground(p, hit->position[0], hit->position[1], rgb);
         break;
-    case SAGA_RING_WALL: wall(p, hit, rgb); break;
+    case SAGA_RING_WALL:
+        wall(p, hit, rgb);
+        break;
     }
     return false;
 }

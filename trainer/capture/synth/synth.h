@@ -27,21 +27,21 @@ typedef enum saga_synth_scene {
 
 typedef struct saga_synth_options {
     saga_synth_scene scene;
-    int width, height;       /* 8..4096 */
-    int n_cameras;           /* 2..99, on an arc or all round, with alternating
-                              * heights */
-    int n_hold_out;          /* held-out cameras, spread over all; at least 2
-                              * others remain */
-    int n_frames;            /* 1..100000 */
+    int width, height; /* 8..4096 */
+    int n_cameras;     /* 2..99, on an arc or all round, with alternating
+                        * heights */
+    int n_hold_out;    /* held-out cameras, spread over all; at least 2
+                        * others remain */
+    int n_frames;      /* 1..100000 */
     double fps;
-    int samples;             /* samples per pixel and axis, 1..8 */
-    int depth_every;         /* frames between two depth maps; 0: no depth */
-    int n_points;            /* 0..1000000; fewer if too few places have
-                              * texture */
-    uint32_t seed;           /* seed of the points' positions and noise; in the
-                              * ring, of everything */
-    bool exr;                /* pictures as EXR */
-    int n_threads;           /* 0: OpenMP's default */
+    int samples;     /* samples per pixel and axis, 1..8 */
+    int depth_every; /* frames between two depth maps; 0: no depth */
+    int n_points;    /* 0..1000000; fewer if too few places have
+                      * texture */
+    uint32_t seed;   /* seed of the points' positions and noise; in the
+                      * ring, of everything */
+    bool exr;        /* pictures as EXR */
+    int n_threads;   /* 0: OpenMP's default */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_synth_options;
@@ -58,6 +58,6 @@ bool saga_synth_write(const char *folder, const saga_synth_options *options,
 /* Sets name, camera and held_out of a view, without pictures, as a loader will
  * find them. */
 void saga_synth_view(const saga_synth_options *options, int index,
-                     saga_shot *view);
+                     saga_source_view *view);
 
 #endif

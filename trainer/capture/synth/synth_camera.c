@@ -30,7 +30,7 @@ typedef struct stand {
 
 static stand stand_on_arc(const saga_synth_options *o, int index)
 {
-    stand a = {.target = {0.0, 0.45, 0.82}, .focal = 0.9};
+    stand a = { .target = { 0.0, 0.45, 0.82 }, .focal = 0.9 };
     /* The arc spans 50 degrees; heights alternate between two values. */
     const double turn = (-25.0 + 50.0 * index / (o->n_cameras - 1)) / 360.0;
     double s, c;
@@ -45,7 +45,7 @@ static stand stand_on_arc(const saga_synth_options *o, int index)
  * tripods. */
 static stand stand_on_ring(const saga_synth_options *o, int index)
 {
-    stand a = {.target = {0.0, 0.0, 0.92}, .focal = 0.8};
+    stand a = { .target = { 0.0, 0.0, 0.92 }, .focal = 0.8 };
     const double off = saga_ring_draw(o->seed, 500 + index, -0.1, 0.1);
     const double away = saga_ring_draw(o->seed, 600 + index, 3.1, 3.3);
     double s, c;
@@ -58,7 +58,7 @@ static stand stand_on_ring(const saga_synth_options *o, int index)
 }
 
 void saga_synth_view(const saga_synth_options *options, int index,
-                     saga_shot *view)
+                     saga_source_view *view)
 {
     const stand at = options->scene == SAGA_SYNTH_RING
                          ? stand_on_ring(options, index)
@@ -76,11 +76,12 @@ void saga_synth_view(const saga_synth_options *options, int index,
     right[1] = -forward[0] / h;
     right[2] = 0.0;
     cross3(down, forward, right);
-    *view = (saga_shot){.width = options->width, .height = options->height,
-                        .held_out = is_held_out(options, index),
-                        .original_width = options->width,
-                        .original_height = options->height,
-                        .focal_scale = 1.0};
+    *view = (saga_source_view){ .width = options->width,
+                                .height = options->height,
+                                .held_out = is_held_out(options, index),
+                                .original_width = options->width,
+                                .original_height = options->height,
+                                .focal_scale = 1.0 };
     /* Pixels are square, and the principal point is the picture's centre. */
     view->fx = view->fy = at.focal * options->width;
     view->cx = 0.5 * options->width;
@@ -90,8 +91,8 @@ void saga_synth_view(const saga_synth_options *options, int index,
                               view->translation);
 }
 
-void saga_synth_direction(const saga_shot *view, double u, double v,
-                            double d[3])
+void saga_synth_direction(const saga_source_view *view, double u, double v,
+                          double d[3])
 {
     const double x = (u - view->cx) / view->fx, y = (v - view->cy) / view->fy;
     for (int i = 0; i < 3; i++)

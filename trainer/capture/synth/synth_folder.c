@@ -27,9 +27,10 @@ bool saga_synth_is_free(const saga_synth_job *job)
         n += strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0;
     if (dir)
         closedir(dir);
-    return (dir && n == 0) ||
-           saga_fail(job->error, job->target, "remove it or choose another "
-                     "name", "exists and is not an empty folder");
+    return (dir && n == 0) || saga_fail(job->error, job->target,
+                                        "remove it or choose another "
+                                        "name",
+                                        "exists and is not an empty folder");
 }
 
 bool saga_synth_begin_folder(saga_synth_job *job)
@@ -50,13 +51,14 @@ bool saga_synth_begin_folder(saga_synth_job *job)
     return job->folder != NULL;
 }
 
-static const char *const kinds[] = {"images", "depth"};
+static const char *const kinds[] = { "images", "depth" };
 
 static bool make_folder(const saga_synth_job *job, const char *path)
 {
-    return mkdir(path, 0777) == 0 ||
-           saga_fail_errno(job->error, job->target, "choose a place that can "
-                           "be written", "folder cannot be made");
+    return mkdir(path, 0777) == 0 || saga_fail_errno(job->error, job->target,
+                                                     "choose a place that can "
+                                                     "be written",
+                                                     "folder cannot be made");
 }
 
 bool saga_synth_make_folders(const saga_synth_job *job)
@@ -67,8 +69,8 @@ bool saga_synth_make_folders(const saga_synth_job *job)
         if (!make_folder(job, path))
             return false;
         for (int c = 0; c < job->options->n_cameras; c++) {
-            (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder,
-                           kinds[k], job->views[c].name);
+            (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder, kinds[k],
+                           job->views[c].name);
             if (!make_folder(job, path))
                 return false;
         }
@@ -98,8 +100,8 @@ void saga_synth_remove(const saga_synth_job *job)
     /* The folders that this run has made, and the plain files in them. */
     for (int k = 0; k < 2; k++) {
         for (int c = 0; c < job->options->n_cameras; c++) {
-            (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder,
-                           kinds[k], job->views[c].name);
+            (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder, kinds[k],
+                           job->views[c].name);
             remove_flat(path);
         }
         (void)snprintf(path, sizeof path, "%s/%s", job->folder, kinds[k]);

@@ -12,9 +12,9 @@
 
 typedef struct saga_synth_job {
     const saga_synth_options *options;
-    char *folder;             /* the folder that is being filled */
-    int lock;                 /* file descriptor of the folder's lock */
-    saga_shot *views;         /* (n_cameras) */
+    char *folder;            /* the folder that is being filled */
+    int lock;                /* file descriptor of the folder's lock */
+    saga_source_view *views; /* (n_cameras) */
     saga_error *error;
     const char *target;       /* final name, for messages */
     int first_failed, n_done; /* guarded by "omp critical(saga_synth)" */
@@ -24,7 +24,7 @@ enum { SAGA_SYNTH_PATH = 1200 };
 
 /* Computes the direction through a pixel position, with z = 1 in the camera's
  * axes, so that the distance along it is the depth. */
-void saga_synth_direction(const saga_shot *view, double u, double v,
+void saga_synth_direction(const saga_source_view *view, double u, double v,
                           double d[3]);
 
 /* Tells whether the folder may be written, at the start and not after the

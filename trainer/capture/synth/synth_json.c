@@ -9,7 +9,7 @@
 
 #include <stdio.h>
 
-static void write_matrix(FILE *f, const saga_shot *view)
+static void write_matrix(FILE *f, const saga_source_view *view)
 {
     double centre[3];
     saga_pose_centre(view->rotation, view->translation, centre);
@@ -18,8 +18,8 @@ static void write_matrix(FILE *f, const saga_shot *view)
         const double *const r = view->rotation;
         /* The matrix is camera to world with the format's axes right, up and
          * backwards, so that y and z are negated. */
-        fprintf(f, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
-                -r[6 + i], centre[i]);
+        fprintf(f, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i], -r[6 + i],
+                centre[i]);
     }
     fprintf(f, "[0, 0, 0, 1]]");
 }
@@ -69,7 +69,7 @@ static void write_list(FILE *f, const saga_synth_job *job, const char *key,
 bool saga_synth_write_json(const saga_synth_job *job)
 {
     const saga_synth_options *const o = job->options;
-    const saga_shot *const view = &job->views[0];
+    const saga_source_view *const view = &job->views[0];
     char path[SAGA_SYNTH_PATH];
     saga_output out;
     (void)snprintf(path, sizeof path, "%s/transforms.json", job->folder);
@@ -77,7 +77,8 @@ bool saga_synth_write_json(const saga_synth_job *job)
         return false;
     FILE *const f = out.file;
     /* All cameras have the same size and lens, so these stand at the top. */
-    fprintf(f, "{\n \"camera_model\": \"PINHOLE\",\n \"fps\": %.17g,\n"
+    fprintf(f,
+            "{\n \"camera_model\": \"PINHOLE\",\n \"fps\": %.17g,\n"
             " \"w\": %d, \"h\": %d,\n \"fl_x\": %.17g, \"fl_y\": %.17g,\n"
             " \"cx\": %.17g, \"cy\": %.17g,\n"
             " \"ply_file_path\": \"points.ply\",\n",

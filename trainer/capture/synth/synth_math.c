@@ -21,7 +21,7 @@ void saga_synth_sin_cos(double turns, double *s, double *c)
     const double q4 = quarter - 4.0 * floor(0.25 * quarter);
     /* A quarter turn makes the sine a cosine, and the cosine a negative
      * sine. */
-    const double table[5] = {sine, cosine, -sine, -cosine, sine};
+    const double table[5] = { sine, cosine, -sine, -cosine, sine };
     *s = table[(int)q4];
     *c = table[(int)q4 + 1];
 }

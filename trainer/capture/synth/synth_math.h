@@ -66,10 +66,10 @@ static inline double noise(double x, double y, uint32_t salt)
     const int32_t ix = (int32_t)fx, iy = (int32_t)fy;
     const double u = x - fx, v = y - fy;
     const double su = u * u * (3.0 - 2.0 * u), sv = v * v * (3.0 - 2.0 * v);
-    const double top =
-        mix(lattice(ix, iy, salt), lattice(ix + 1, iy, salt), su);
-    const double bottom =
-        mix(lattice(ix, iy + 1, salt), lattice(ix + 1, iy + 1, salt), su);
+    const double top = mix(lattice(ix, iy, salt), lattice(ix + 1, iy, salt),
+                           su);
+    const double bottom = mix(lattice(ix, iy + 1, salt),
+                              lattice(ix + 1, iy + 1, salt), su);
     return mix(top, bottom, sv);
 }
 
@@ -140,11 +140,11 @@ static inline bool enter_box(const double low[3], const double high[3],
 }
 
 static inline bool enter_ball(const double centre[3], double radius,
-                              const double o[3], const double d[3],
-                              double d2, double *t)
+                              const double o[3], const double d[3], double d2,
+                              double *t)
 {
-    const double v[3] = {centre[0] - o[0], centre[1] - o[1],
-                         centre[2] - o[2]};
+    const double v[3] = { centre[0] - o[0], centre[1] - o[1],
+                          centre[2] - o[2] };
     const double b = dot3(v, d);
     const double disc = b * b - d2 * (dot3(v, v) - radius * radius);
     if (b <= 0.0 || disc <= 0.0)
@@ -162,11 +162,11 @@ typedef struct ray {
  * never NaN. */
 static inline ray make_ray(const double origin[3], const double direction[3])
 {
-    ray r = {.origin = origin, .direction = direction,
-             .length2 = dot3(direction, direction)};
+    ray r = { .origin = origin,
+              .direction = direction,
+              .length2 = dot3(direction, direction) };
     for (int i = 0; i < 3; i++)
-        r.inverse[i] =
-            1.0 / (direction[i] == 0.0 ? 1e-300 : direction[i]);
+        r.inverse[i] = 1.0 / (direction[i] == 0.0 ? 1e-300 : direction[i]);
     return r;
 }
 

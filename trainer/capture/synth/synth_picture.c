@@ -27,15 +27,16 @@ uint8_t saga_synth_display(double light)
 }
 
 static void render_pixel(const saga_synth_job *job,
-                         const saga_synth_world *world, const saga_shot *view,
-                         const double origin[3], int x, int y, uint8_t *rgb)
+                         const saga_synth_world *world,
+                         const saga_source_view *view, const double origin[3],
+                         int x, int y, uint8_t *rgb)
 {
     const int n = job->options->samples;
-    double sum[3] = {0};
+    double sum[3] = { 0 };
     for (int k = 0; k < n * n; k++) {
         double d[3], light[3];
         saga_synth_direction(view, x + (k % n + 0.5) / n, y + (k / n + 0.5) / n,
-                        d);
+                             d);
         saga_synth_light(world, origin, d, light);
         for (int c = 0; c < 3; c++)
             sum[c] += light[c] < 1.0 ? light[c] : 1.0;
@@ -47,7 +48,7 @@ static void render_pixel(const saga_synth_job *job,
 static void render(const saga_synth_job *job, int camera, int frame,
                    uint8_t *rgb)
 {
-    const saga_shot *const view = &job->views[camera];
+    const saga_source_view *const view = &job->views[camera];
     saga_synth_world world;
     double origin[3];
     saga_synth_world_at(&world, job->options, frame / job->options->fps);
@@ -60,7 +61,7 @@ static void render(const saga_synth_job *job, int camera, int frame,
 static void render_depth(const saga_synth_job *job, int camera, int frame,
                          float *depth)
 {
-    const saga_shot *const view = &job->views[camera];
+    const saga_source_view *const view = &job->views[camera];
     saga_synth_world world;
     double origin[3], d[3];
     saga_synth_world_at(&world, job->options, frame / job->options->fps);
@@ -143,8 +144,8 @@ bool saga_synth_write_pictures(saga_synth_job *job)
         saga_error error = { "" };
         if (picture_skipped(job, i))
             continue;
-        const bool ok =
-            write_picture(job, i / o->n_frames, i % o->n_frames, &error);
+        const bool ok = write_picture(job, i / o->n_frames, i % o->n_frames,
+                                      &error);
         picture_done(job, i, ok, &error);
     }
     return job->first_failed == INT32_MAX;

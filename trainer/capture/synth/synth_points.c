@@ -44,9 +44,9 @@ static double random_bell(uint64_t *state)
 
 /* ------------------------------------------------------------------- points */
 
-static void radiance_at(const saga_shot *view, const saga_synth_world *world,
-                        const double origin[3], double u, double v,
-                        double rgb[3])
+static void radiance_at(const saga_source_view *view,
+                        const saga_synth_world *world, const double origin[3],
+                        double u, double v, double rgb[3])
 {
     double d[3];
     saga_synth_direction(view, u, v, d);
@@ -54,9 +54,9 @@ static void radiance_at(const saga_shot *view, const saga_synth_world *world,
 }
 
 /* Returns the change of the picture over 1.5 pixels, in display units 0..1. */
-static double contrast(const saga_shot *view, const saga_synth_world *world,
-                       const double origin[3], double u, double v,
-                       double rgb[3])
+static double contrast(const saga_source_view *view,
+                       const saga_synth_world *world, const double origin[3],
+                       double u, double v, double rgb[3])
 {
     double other[3], sum = 0.0;
     radiance_at(view, world, origin, u, v, rgb);
@@ -74,7 +74,7 @@ static bool seen_again(const saga_synth_job *job, const saga_synth_world *world,
                        const double point[3], int from)
 {
     for (int i = 0; i < job->options->n_cameras; i++) {
-        const saga_shot *const v = &job->views[i];
+        const saga_source_view *const v = &job->views[i];
         double uv[2], z, origin[3], d[3];
         if (i == from || v->held_out || !saga_view_project(v, point, uv, &z))
             continue;
@@ -97,9 +97,8 @@ static bool sample_point(const saga_synth_job *job,
                          const saga_synth_world *world, uint64_t *random,
                          saga_point *point)
 {
-    const int camera =
-        (int)(random_unit(random) * job->options->n_cameras);
-    const saga_shot *const view = &job->views[camera];
+    const int camera = (int)(random_unit(random) * job->options->n_cameras);
+    const saga_source_view *const view = &job->views[camera];
     const double u = random_unit(random) * view->width;
     const double v = random_unit(random) * view->height;
     const double dice = random_unit(random);
@@ -113,15 +112,14 @@ static bool sample_point(const saga_synth_job *job,
         return false;
     saga_synth_direction(view, u, v, d);
     const saga_synth_sight hit = saga_synth_look(world, origin, d);
-    if (!hit.fixed ||
-        !seen_again(job, world, hit.position, camera))
+    if (!hit.fixed || !seen_again(job, world, hit.position, camera))
         return false;
     /* The noise across the ray is half a pixel at this distance. */
     const double across = 0.5 * hit.distance / view->fx;
     const double along = 3.0 * across * random_bell(random);
     for (int i = 0; i < 3; i++) {
-        point->position[i] = hit.position[i] +
-                             across * random_bell(random) + along * d[i];
+        point->position[i] = hit.position[i] + across * random_bell(random) +
+                             along * d[i];
         point->rgb[i] = saga_synth_display(rgb[i]);
     }
     return true;

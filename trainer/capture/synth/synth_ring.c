@@ -12,8 +12,8 @@
  * that misses. */
 static bool passes(const double centre[3], double bound, const ray *r)
 {
-    const double v[3] = {centre[0] - r->origin[0], centre[1] - r->origin[1],
-                         centre[2] - r->origin[2]};
+    const double v[3] = { centre[0] - r->origin[0], centre[1] - r->origin[1],
+                          centre[2] - r->origin[2] };
     /* The origin is outside the ball, and either the ball is behind, or the
      * squared distance of the ray from its centre, v v - b^2 / length2, exceeds
      * bound^2. */
@@ -31,8 +31,7 @@ static bool enter_end(const saga_ring_shape *s, const ray *r, bool far_end,
     if (!enter_ball(c, s->radius, r->origin, r->direction, r->length2, t))
         return false;
     for (int i = 0; i < 3; i++)
-        normal[i] =
-            (r->origin[i] + *t * r->direction[i] - c[i]) / s->radius;
+        normal[i] = (r->origin[i] + *t * r->direction[i] - c[i]) / s->radius;
     return true;
 }
 
@@ -43,8 +42,8 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
                           double normal[3])
 {
     const double *const axis = s->frame[0], *const d = r->direction;
-    const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
-                         r->origin[2] - s->a[2]};
+    const double v[3] = { r->origin[0] - s->a[0], r->origin[1] - s->a[1],
+                          r->origin[2] - s->a[2] };
     /* The ray is at the radius's distance from the axis where a t^2 + 2 b t + c
      * = 0. */
     const double da = dot3(d, axis), va = dot3(v, axis);
@@ -72,13 +71,13 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
 static bool enter_turned(const saga_ring_shape *s, const ray *r, double *t,
                          double normal[3])
 {
-    const double low[3] = {-s->half[0], -s->half[1], -s->half[2]};
+    const double low[3] = { -s->half[0], -s->half[1], -s->half[2] };
     double o[3], d[3];
     int axis;
     /* In the box's own axes its sides are parallel to the axes. */
     for (int i = 0; i < 3; i++) {
-        const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
-                             r->origin[2] - s->a[2]};
+        const double v[3] = { r->origin[0] - s->a[0], r->origin[1] - s->a[1],
+                              r->origin[2] - s->a[2] };
         o[i] = dot3(s->frame[i], v);
         d[i] = dot3(s->frame[i], r->direction);
     }
@@ -93,10 +92,10 @@ static bool enter_turned(const saga_ring_shape *s, const ray *r, double *t,
 static void hit_hall(const ray *r, saga_ring_hit *hit)
 {
     static const double half = SAGA_RING_HALL;
-    const double low[3] = {-half, -half, 0.0};
-    const double high[3] = {half, half, SAGA_RING_CEILING};
+    const double low[3] = { -half, -half, 0.0 };
+    const double high[3] = { half, half, SAGA_RING_CEILING };
     int axis = 0;
-    *hit = (saga_ring_hit){.distance = 1e30, .shape = -1};
+    *hit = (saga_ring_hit){ .distance = 1e30, .shape = -1 };
     for (int i = 0; i < 3; i++) {
         /* From inside, each axis has one wall ahead, and the nearest of these
          * three is hit. */
@@ -133,8 +132,7 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *s, const double origin[3],
     const ray r = make_ray(origin, direction);
     saga_ring_hit hit;
     hit_hall(&r, &hit);
-    const int first =
-        passes(s->body_centre, s->body_bound, &r) ? s->n_body : 0;
+    const int first = passes(s->body_centre, s->body_bound, &r) ? s->n_body : 0;
     for (int i = first; i < s->n_shapes; i++)
         hit_shape(s, i, &r, &hit);
     for (int i = 0; i < 3; i++)
@@ -150,8 +148,8 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *s, const double origin[3],
 static double open_of(const saga_ring_shape *s, const ray *r)
 {
     const double *const axis = s->frame[0], *const d = r->direction;
-    const double w[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
-                         r->origin[2] - s->a[2]};
+    const double w[3] = { r->origin[0] - s->a[0], r->origin[1] - s->a[1],
+                          r->origin[2] - s->a[2] };
     /* The points where the lines of ray and axis are nearest to each other,
      * limited to the axis's ends. */
     const double k = dot3(d, axis), wd = dot3(w, d);
@@ -175,8 +173,9 @@ static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
     const ray r = make_ray(hit->position, to_light);
     const double wide = 0.15; /* open_of widens a shadow by this at most, up to
                                * 5 m away */
-    const int first =
-        passes(s->body_centre, s->body_bound + wide, &r) ? s->n_body : 0;
+    const int first = passes(s->body_centre, s->body_bound + wide, &r)
+                          ? s->n_body
+                          : 0;
     double open = 1.0, t, normal[3];
     for (int i = first; i < s->n_shapes && open > 0.0; i++) {
         const saga_ring_shape *const it = &s->shape[i];
@@ -195,7 +194,7 @@ static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
 static double spot(const saga_ring_hit *hit, const double direction[3],
                    const double to_light[3])
 {
-    double view[3] = {direction[0], direction[1], direction[2]}, m[3];
+    double view[3] = { direction[0], direction[1], direction[2] }, m[3];
     normalise(view);
     const double cosine = dot3(view, hit->normal);
     for (int i = 0; i < 3; i++)
@@ -224,10 +223,11 @@ void saga_ring_radiance(const saga_ring_state *s, const double origin[3],
     const double open = facing > 0.0 ? lit(s, &hit, to_light) : 0.0;
     /* A second, weak light from the opposite side casts no shadow. */
     const double fill = -(hit.normal[0] * s->plan.light[0] +
-                          hit.normal[1] * s->plan.light[1]) / 2.8;
-    brighten(rgb, 0.38 + 0.12 * hit.normal[2] +
-             (fill > 0.0 ? 0.25 * fill : 0.0) +
-             2.2 / (1.0 + 0.06 * distance2) * fmax(facing, 0.0) * open);
+                          hit.normal[1] * s->plan.light[1]) /
+                        2.8;
+    brighten(rgb,
+             0.38 + 0.12 * hit.normal[2] + (fill > 0.0 ? 0.25 * fill : 0.0) +
+                 2.2 / (1.0 + 0.06 * distance2) * fmax(facing, 0.0) * open);
     if (hit.object != SAGA_RING_BALL && hit.object != SAGA_RING_GOER)
         return;
     for (int i = 0; i < 3; i++)

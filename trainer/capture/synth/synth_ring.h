@@ -22,15 +22,15 @@ enum saga_ring_object {
     SAGA_RING_SKIN,
     SAGA_RING_HEAD,
     SAGA_RING_SHOE,
-    SAGA_RING_BATON,     /* thin, in the left hand */
-    SAGA_RING_BALL,      /* thrown by the right hand */
-    SAGA_RING_COMER,     /* a cube that appears */
-    SAGA_RING_GOER,      /* a ball that disappears */
-    SAGA_RING_POLE,      /* thin poles and the wire */
-    SAGA_RING_CRATE,     /* the crate, and what COMER and GOER stand on */
+    SAGA_RING_BATON, /* thin, in the left hand */
+    SAGA_RING_BALL,  /* thrown by the right hand */
+    SAGA_RING_COMER, /* a cube that appears */
+    SAGA_RING_GOER,  /* a ball that disappears */
+    SAGA_RING_POLE,  /* thin poles and the wire */
+    SAGA_RING_CRATE, /* the crate, and what COMER and GOER stand on */
     SAGA_RING_DISPLAY,
     SAGA_RING_GROUND,
-    SAGA_RING_WALL       /* walls and ceiling */
+    SAGA_RING_WALL /* walls and ceiling */
 };
 
 enum {
@@ -41,19 +41,19 @@ enum {
 
 /* The random parameters of a scene. Angles are in turns, times in seconds. */
 typedef struct saga_ring_plan {
-    uint32_t salt;               /* salt of the textures */
+    uint32_t salt; /* salt of the textures */
     double colour[SAGA_RING_N_COLOURS][3];
-    double size, girth;          /* size and girth of the body, about 1 */
+    double size, girth; /* size and girth of the body, about 1 */
     double path_radius, path_start, path_turn; /* the runner's circle in metres;
                                                 * path_turn in turns per second,
                                                 * signed */
-    double stride;               /* pairs of steps per second */
-    double release, aim, reach, flight;  /* the throw of the ball; aim is the
-                                          * angle from forward */
+    double stride;                             /* pairs of steps per second */
+    double release, aim, reach, flight; /* the throw of the ball; aim is the
+                                         * angle from forward */
     double comes, goes;
-    double place[4];             /* angles of comer, goer, crate and display on
-                                  * the circle */
-    double pole[SAGA_RING_N_POLES][6];   /* foot and top of each pole */
+    double place[4]; /* angles of comer, goer, crate and display on
+                      * the circle */
+    double pole[SAGA_RING_N_POLES][6]; /* foot and top of each pole */
     double light[3];
 } saga_ring_plan;
 
@@ -61,13 +61,13 @@ typedef struct saga_ring_plan {
 typedef struct saga_ring_shape {
     enum saga_ring_object object;
     bool is_box;
-    double a[3];                 /* beginning of the axis, or centre of a box */
-    double length, radius;       /* length of a capsule's axis, and radius
-                                  * around it */
-    double half[3];              /* half sides of a box, along its own axes */
-    double frame[3][3];          /* rows are the shape's axes; the first is a
-                                  * capsule's axis, or a head's forward */
-    double centre[3], bound;     /* a ball that contains the whole shape */
+    double a[3];             /* beginning of the axis, or centre of a box */
+    double length, radius;   /* length of a capsule's axis, and radius
+                              * around it */
+    double half[3];          /* half sides of a box, along its own axes */
+    double frame[3][3];      /* rows are the shape's axes; the first is a
+                              * capsule's axis, or a head's forward */
+    double centre[3], bound; /* a ball that contains the whole shape */
 } saga_ring_shape;
 
 /* The positions of all objects at one moment. */
@@ -75,17 +75,17 @@ typedef struct saga_ring_state {
     saga_ring_plan plan;
     double seconds;
     saga_ring_shape shape[SAGA_RING_MAX_SHAPES];
-    int n_body, n_shapes;        /* shapes of the body, which come first, and of
-                                  * all */
+    int n_body, n_shapes; /* shapes of the body, which come first, and of
+                           * all */
     double body_centre[3], body_bound;
 } saga_ring_state;
 
 typedef struct saga_ring_hit {
-    double distance;             /* distance in lengths of the ray's
-                                  * direction */
+    double distance; /* distance in lengths of the ray's
+                      * direction */
     double position[3], normal[3];
     enum saga_ring_object object;
-    int shape;                   /* index of the shape; -1: the hall */
+    int shape; /* index of the shape; -1: the hall */
 } saga_ring_hit;
 
 /* Seconds of a round, after which throw, appearance and disappearance

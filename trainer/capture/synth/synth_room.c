@@ -12,9 +12,9 @@ static void poster_rings(double x, double z, double rgb[3])
     const double dx = x + 1.05, dz = z - 1.62;
     const double r = sqrt(dx * dx + dz * dz);
     const double in = inside_rect(x, z, -1.05, 1.62, 0.42, 0.5);
-    const double ring = ramp(-0.3, 0.3, 4.0 * fabs(r / 0.3 -
-                        floor(r / 0.3 + 0.5)) - 1.0);
-    double c[3] = {0.75, 0.68, 0.45};
+    const double ring = ramp(-0.3, 0.3,
+                             4.0 * fabs(r / 0.3 - floor(r / 0.3 + 0.5)) - 1.0);
+    double c[3] = { 0.75, 0.68, 0.45 };
     paint(c, 0.55, 0.10, 0.08, ring * (1.0 - ramp(0.38, 0.42, r)));
     paint(c, 0.10, 0.14, 0.30, ramp(0.38, 0.42, r));
     paint(rgb, c[0], c[1], c[2], in);
@@ -25,7 +25,7 @@ static void poster_hills(double x, double z, double rgb[3])
     const double in = inside_rect(x, z, 0.85, 1.6, 0.55, 0.4);
     const double h1 = 1.50 + 0.22 * noise(2.2 * x, 0.5, 71);
     const double h2 = 1.30 + 0.22 * noise(3.1 * x, 9.5, 72);
-    double c[3] = {0.30, 0.48, 0.70};
+    double c[3] = { 0.30, 0.48, 0.70 };
     paint(c, 0.80, 0.60, 0.42, 1.0 - ramp(1.5, 1.95, z));
     paint(c, 0.20, 0.30, 0.34, 1.0 - ramp(h1 - 0.01, h1 + 0.01, z));
     paint(c, 0.12, 0.28, 0.10, 1.0 - ramp(h2 - 0.01, h2 + 0.01, z));
@@ -59,8 +59,7 @@ static void right_wall(double y, double z, double rgb[3])
     const double row = floor(z / 0.24);
     /* Every second row of bricks is shifted by half a brick. */
     const double shift = y / 0.52 + 0.5 * (row - 2.0 * floor(0.5 * row));
-    const double tone =
-        lattice((int32_t)floor(shift), (int32_t)row, 31);
+    const double tone = lattice((int32_t)floor(shift), (int32_t)row, 31);
     paint(rgb, 0.46, 0.26, 0.18, 1.0);
     brighten(rgb, 0.8 + 0.4 * tone);
     brighten(rgb, 1.0 + 0.3 * grain(3.0 * y, 3.0 * z, 32));
@@ -73,8 +72,8 @@ static void floor_boards(double x, double y, double rgb[3])
 {
     const double board = floor(x / 0.34);
     const double along = y + 0.9 * lattice((int32_t)board, 7, 41);
-    const double tone = lattice((int32_t)board,
-                                (int32_t)floor(along / 1.3), 42);
+    const double tone = lattice((int32_t)board, (int32_t)floor(along / 1.3),
+                                42);
     paint(rgb, 0.36, 0.23, 0.13, 1.0);
     brighten(rgb, 0.75 + 0.5 * tone);
     brighten(rgb, 1.0 + 0.5 * grain(5.0 * x, 1.1 * y, 43));
@@ -82,19 +81,19 @@ static void floor_boards(double x, double y, double rgb[3])
     /* The rug is an ellipse that covers the boards. */
     const double r = sqrt(x * x + 1.7 * (y + 0.55) * (y + 0.55));
     const double rug = 1.0 - ramp(1.28, 1.30, r);
-    double c[3] = {0.42, 0.10, 0.12};
+    double c[3] = { 0.42, 0.10, 0.12 };
     paint(c, 0.62, 0.50, 0.30, lines(r - 0.15, 0.4, 0.05));
     paint(c, 0.10, 0.14, 0.30, 1.0 - ramp(0.38, 0.40, r));
     brighten(c, 1.0 + 0.4 * grain(5.0 * x, 5.0 * y, 45));
     paint(rgb, c[0], c[1], c[2], rug);
 }
 
-static const double room_low[3] = {-2.3, -3.6, 0.0};
-static const double room_high[3] = {2.3, 2.2, 2.6};
-static const double bench_low[3] = {-0.95, 0.1, 0.0};
-static const double bench_high[3] = {0.95, 0.95, 0.6};
+static const double room_low[3] = { -2.3, -3.6, 0.0 };
+static const double room_high[3] = { 2.3, 2.2, 2.6 };
+static const double bench_low[3] = { -0.95, 0.1, 0.0 };
+static const double bench_high[3] = { 0.95, 0.95, 0.6 };
 enum { CUBE_HALF_MM = 210 };
-static const double cube_centre[3] = {0.08, 0.5, 0.6 + CUBE_HALF_MM / 1000.0};
+static const double cube_centre[3] = { 0.08, 0.5, 0.6 + CUBE_HALF_MM / 1000.0 };
 
 static void room_colour(const saga_room_hit *hit, double rgb[3])
 {
@@ -120,8 +119,8 @@ static void bench_colour(const saga_room_hit *hit, double rgb[3])
     const double *const p = hit->position;
     if (hit->normal[2] > 0.5) {
         double s, c;
-        saga_synth_sin_cos(4.0 * p[1] + 1.5 * noise(1.4 * p[0], 2.0 * p[1],
-                           61), &s, &c);
+        saga_synth_sin_cos(4.0 * p[1] + 1.5 * noise(1.4 * p[0], 2.0 * p[1], 61),
+                           &s, &c);
         paint(rgb, 0.50, 0.36, 0.20, 1.0);
         brighten(rgb, 1.0 + 0.14 * s);
         brighten(rgb, 1.0 + 0.35 * grain(3.0 * p[0], 6.0 * p[1], 62));
@@ -140,8 +139,10 @@ static void bench_colour(const saga_room_hit *hit, double rgb[3])
 static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
-    static const double face[4][3] = {{0.60, 0.16, 0.10}, {0.10, 0.36, 0.50},
-                                      {0.62, 0.50, 0.10}, {0.16, 0.42, 0.16}};
+    static const double face[4][3] = { { 0.60, 0.16, 0.10 },
+                                       { 0.10, 0.36, 0.50 },
+                                       { 0.62, 0.50, 0.10 },
+                                       { 0.16, 0.42, 0.16 } };
     const double dx = hit->position[0] - cube_centre[0];
     const double dy = hit->position[1] - cube_centre[1];
     const double dz = hit->position[2] - cube_centre[2];
@@ -157,8 +158,7 @@ static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
         paint(rgb, 0.30, 0.12, 0.34, ramp(-0.02, 0.02, x * y * 20.0));
         return;
     }
-    const int k = fabs(nx) > fabs(ny) ? (nx > 0.0 ? 0 : 1)
-                                      : (ny > 0.0 ? 2 : 3);
+    const int k = fabs(nx) > fabs(ny) ? (nx > 0.0 ? 0 : 1) : (ny > 0.0 ? 2 : 3);
     const double a = k < 2 ? y : x;
     const double r = sqrt(a * a + dz * dz);
     paint(rgb, face[k][0], face[k][1], face[k][2], 1.0);
@@ -185,20 +185,38 @@ static void albedo(const saga_room_state *s, const saga_room_hit *hit,
 {
     const double *const n = hit->normal;
     switch (hit->object) {
-    case SAGA_ROOM_WALLS: room_colour(hit, rgb); break;
-    case SAGA_ROOM_BENCH: bench_colour(hit, rgb); break;
-    case SAGA_ROOM_CUBE: cube_colour(s, hit, rgb); break;
-    case SAGA_ROOM_BALL: ball_colour(s, hit, rgb); break;
+    case SAGA_ROOM_WALLS:
+        room_colour(hit, rgb);
+        break;
+    case SAGA_ROOM_BENCH:
+        bench_colour(hit, rgb);
+        break;
+    case SAGA_ROOM_CUBE:
+        cube_colour(s, hit, rgb);
+        break;
+    case SAGA_ROOM_BALL:
+        ball_colour(s, hit, rgb);
+        break;
     case SAGA_ROOM_GUEST:
         paint(rgb, 0.70, 0.30, 0.05, 1.0);
         paint(rgb, 0.75, 0.66, 0.20, ramp(-0.1, 0.1, n[2] - 0.2));
         brighten(rgb, 1.0 + 0.4 * grain(3.0 * n[0], 3.0 * n[2], 67));
         break;
-    case SAGA_ROOM_MIRROR: paint(rgb, 0.05, 0.07, 0.10, 1.0); break;
-    case SAGA_ROOM_BOB: paint(rgb, 0.10, 0.42, 0.30, 1.0); break;
-    case SAGA_ROOM_LAMP: paint(rgb, 0.80, 0.74, 0.58, 1.0); break;
-    case SAGA_ROOM_POLE: paint(rgb, 0.08, 0.08, 0.09, 1.0); break;
-    default: paint(rgb, 0.55, 0.50, 0.42, 1.0); break;
+    case SAGA_ROOM_MIRROR:
+        paint(rgb, 0.05, 0.07, 0.10, 1.0);
+        break;
+    case SAGA_ROOM_BOB:
+        paint(rgb, 0.10, 0.42, 0.30, 1.0);
+        break;
+    case SAGA_ROOM_LAMP:
+        paint(rgb, 0.80, 0.74, 0.58, 1.0);
+        break;
+    case SAGA_ROOM_POLE:
+        paint(rgb, 0.08, 0.08, 0.09, 1.0);
+        break;
+    default:
+        paint(rgb, 0.55, 0.50, 0.42, 1.0);
+        break;
     }
 }
 
@@ -215,11 +233,11 @@ static double guest_size(double seconds)
 void saga_room_at(saga_room_state *state, double seconds)
 {
     static const double still[SAGA_ROOM_N_BALLS][4] = {
-        {0.0, -0.5, 0.20, 0.20},   /* the ball; x is set below */
-        {0.64, 0.36, 0.78, 0.18},  /* the guest; its radius is set below */
-        {-0.56, 0.42, 0.80, 0.20}, /* mirror */
-        {0.0, 0.0, 0.0, 0.10},     /* the bob; set below */
-        {1.45, 1.25, 1.70, 0.17},  /* lamp */
+        { 0.0, -0.5, 0.20, 0.20 },   /* the ball; x is set below */
+        { 0.64, 0.36, 0.78, 0.18 },  /* the guest; its radius is set below */
+        { -0.56, 0.42, 0.80, 0.20 }, /* mirror */
+        { 0.0, 0.0, 0.0, 0.10 },     /* the bob; set below */
+        { 1.45, 1.25, 1.70, 0.17 },  /* lamp */
     };
     double s, c;
     state->seconds = seconds;
@@ -257,7 +275,7 @@ static bool enter_rod(const double p[3], const double axis[3], double length,
                       double radius, const double o[3], const double d[3],
                       double *t, double normal[3])
 {
-    const double v[3] = {o[0] - p[0], o[1] - p[1], o[2] - p[2]};
+    const double v[3] = { o[0] - p[0], o[1] - p[1], o[2] - p[2] };
     const double da = dot3(d, axis), va = dot3(v, axis);
     const double a = dot3(d, d) - da * da;
     const double b = dot3(v, d) - va * da;
@@ -286,8 +304,7 @@ static void hit_room(const ray *r, saga_room_hit *hit)
     double best = 1e30;
     int axis = 0;
     for (int i = 0; i < 3; i++) {
-        const double wall =
-            r->direction[i] > 0.0 ? room_high[i] : room_low[i];
+        const double wall = r->direction[i] > 0.0 ? room_high[i] : room_low[i];
         const double t = (wall - r->origin[i]) * r->inverse[i];
         if (t < best) {
             best = t;
@@ -311,32 +328,33 @@ static void hit_bench(const ray *r, saga_room_hit *hit)
     hit->normal[axis] = r->direction[axis] > 0.0 ? -1.0 : 1.0;
 }
 
-static void hit_cube(const saga_room_state *s, const ray *r,
-                     saga_room_hit *hit)
+static void hit_cube(const saga_room_state *s, const ray *r, saga_room_hit *hit)
 {
     const double half = CUBE_HALF_MM / 1000.0;
-    const double low[3] = {-half, -half, -half}, high[3] = {half, half, half};
+    const double low[3] = { -half, -half, -half },
+                 high[3] = { half, half, half };
     double t;
     int axis;
     /* The ball around the cube is tested first, since it does not depend on the
      * turn. */
     if (!enter_ball(cube_centre, 1.7321 * half, r->origin, r->direction,
-                    r->length2, &t) || t >= hit->distance)
+                    r->length2, &t) ||
+        t >= hit->distance)
         return;
-    const double v[3] = {r->origin[0] - cube_centre[0],
-                         r->origin[1] - cube_centre[1],
-                         r->origin[2] - cube_centre[2]};
+    const double v[3] = { r->origin[0] - cube_centre[0],
+                          r->origin[1] - cube_centre[1],
+                          r->origin[2] - cube_centre[2] };
     const double *const d = r->direction;
-    const double o2[3] = {s->cube_cos * v[0] + s->cube_sin * v[1],
-                          s->cube_cos * v[1] - s->cube_sin * v[0], v[2]};
-    const double d2[3] = {s->cube_cos * d[0] + s->cube_sin * d[1],
-                          s->cube_cos * d[1] - s->cube_sin * d[0], d[2]};
+    const double o2[3] = { s->cube_cos * v[0] + s->cube_sin * v[1],
+                           s->cube_cos * v[1] - s->cube_sin * v[0], v[2] };
+    const double d2[3] = { s->cube_cos * d[0] + s->cube_sin * d[1],
+                           s->cube_cos * d[1] - s->cube_sin * d[0], d[2] };
     const ray local = make_ray(o2, d2);
     if (!enter_box(low, high, o2, local.inverse, &t, &axis) ||
         t >= hit->distance)
         return;
     set_hit(hit, t, SAGA_ROOM_CUBE);
-    double n[3] = {0};
+    double n[3] = { 0 };
     n[axis] = d2[axis] > 0.0 ? -1.0 : 1.0;
     /* The normal is turned back into the room's axes. */
     hit->normal[0] = s->cube_cos * n[0] - s->cube_sin * n[1];
@@ -350,39 +368,40 @@ static void hit_balls(const saga_room_state *s, const ray *r,
     for (int i = 0; i < SAGA_ROOM_N_BALLS; i++) {
         double t;
         if (!enter_ball(s->ball[i], s->radius[i], r->origin, r->direction,
-                        r->length2, &t) || t >= hit->distance)
+                        r->length2, &t) ||
+            t >= hit->distance)
             continue;
         set_hit(hit, t, (enum saga_room_object)(SAGA_ROOM_BALL + i));
         for (int k = 0; k < 3; k++)
-            hit->normal[k] =
-                (r->origin[k] + t * r->direction[k] - s->ball[i][k]) /
-                s->radius[i];
+            hit->normal[k] = (r->origin[k] + t * r->direction[k] -
+                              s->ball[i][k]) /
+                             s->radius[i];
     }
 }
 
-static void hit_rods(const saga_room_state *s, const ray *r,
-                     saga_room_hit *hit)
+static void hit_rods(const saga_room_state *s, const ray *r, saga_room_hit *hit)
 {
-    static const double up[3] = {0.0, 0.0, 1.0};
-    const double foot[3] = {s->ball[4][0], s->ball[4][1], 0.0};
+    static const double up[3] = { 0.0, 0.0, 1.0 };
+    const double foot[3] = { s->ball[4][0], s->ball[4][1], 0.0 };
     double axis[3], normal[3], t;
     if (enter_rod(foot, up, s->ball[4][2], 0.016, r->origin, r->direction, &t,
-                  normal) && t < hit->distance) {
+                  normal) &&
+        t < hit->distance) {
         set_hit(hit, t, SAGA_ROOM_POLE);
         memcpy(hit->normal, normal, sizeof normal);
     }
     for (int i = 0; i < 3; i++)
         axis[i] = (s->ball[3][i] - s->hook[i]) * (1.0 / 1.15);
     if (enter_rod(s->hook, axis, 1.15, 0.011, r->origin, r->direction, &t,
-                  normal) && t < hit->distance) {
+                  normal) &&
+        t < hit->distance) {
         set_hit(hit, t, SAGA_ROOM_ROD);
         memcpy(hit->normal, normal, sizeof normal);
     }
 }
 
 saga_room_hit saga_room_trace(const saga_room_state *state,
-                              const double origin[3],
-                              const double direction[3])
+                              const double origin[3], const double direction[3])
 {
     const ray r = make_ray(origin, direction);
     saga_room_hit hit;
@@ -398,15 +417,15 @@ saga_room_hit saga_room_trace(const saga_room_state *state,
 
 /* ----------------------------------------------------------------- shading */
 
-static const double light[3] = {-1.3, -2.0, 2.45};
+static const double light[3] = { -1.3, -2.0, 2.45 };
 
 /* Returns the light that a ball's soft shadow leaves; the cube's shadow is that
  * of a ball. The penumbra widens with the distance. */
 static double shadow_of(const double centre[3], double radius,
                         const double p[3], const double to_light[3])
 {
-    const double v[3] = {centre[0] - p[0], centre[1] - p[1],
-                         centre[2] - p[2]};
+    const double v[3] = { centre[0] - p[0], centre[1] - p[1],
+                          centre[2] - p[2] };
     const double along = dot3(v, to_light);
     const double width = 0.02 + 0.10 * along;
     const double d2 = dot3(v, v) - along * along;
@@ -446,9 +465,9 @@ static double near_bench(const double p[3])
 static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
                     double rgb[3])
 {
-    double to_light[3] = {light[0] - hit->position[0],
-                          light[1] - hit->position[1],
-                          light[2] - hit->position[2]};
+    double to_light[3] = { light[0] - hit->position[0],
+                           light[1] - hit->position[1],
+                           light[2] - hit->position[2] };
     const double distance2 = dot3(to_light, to_light);
     normalise(to_light);
     const double facing = dot3(hit->normal, to_light);
@@ -471,7 +490,7 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
 static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                       const double direction[3], double rgb[3])
 {
-    double view[3] = {direction[0], direction[1], direction[2]};
+    double view[3] = { direction[0], direction[1], direction[2] };
     double origin[3], mirrored[3], seen[3];
     normalise(view);
     const double cosine = -dot3(view, hit->normal);
@@ -487,9 +506,9 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
      * approximation. */
     const double g = 1.0 - clamp01(cosine);
     const double strength = 0.35 + 0.5 * g * g * g;
-    double to_light[3] = {light[0] - hit->position[0],
-                          light[1] - hit->position[1],
-                          light[2] - hit->position[2]};
+    double to_light[3] = { light[0] - hit->position[0],
+                           light[1] - hit->position[1],
+                           light[2] - hit->position[2] };
     normalise(to_light);
     double spot = clamp01(dot3(mirrored, to_light));
     /* spot becomes the 32nd power of the cosine of the angle to the mirrored

@@ -13,32 +13,32 @@
 enum saga_room_object {
     SAGA_ROOM_WALLS,
     SAGA_ROOM_BENCH,
-    SAGA_ROOM_CUBE,     /* turns */
-    SAGA_ROOM_BALL,     /* rolls */
-    SAGA_ROOM_GUEST,    /* a ball that appears and disappears */
-    SAGA_ROOM_MIRROR,   /* glossy */
-    SAGA_ROOM_BOB,      /* the pendulum's weight */
+    SAGA_ROOM_CUBE,   /* turns */
+    SAGA_ROOM_BALL,   /* rolls */
+    SAGA_ROOM_GUEST,  /* a ball that appears and disappears */
+    SAGA_ROOM_MIRROR, /* glossy */
+    SAGA_ROOM_BOB,    /* the pendulum's weight */
     SAGA_ROOM_LAMP,
-    SAGA_ROOM_POLE,     /* the lamp's thin pole */
-    SAGA_ROOM_ROD,      /* the pendulum's thin rod */
+    SAGA_ROOM_POLE, /* the lamp's thin pole */
+    SAGA_ROOM_ROD,  /* the pendulum's thin rod */
     SAGA_ROOM_N_OBJECTS
 };
 
-enum { SAGA_ROOM_N_BALLS = 5 };  /* objects BALL .. LAMP, in this order */
+enum { SAGA_ROOM_N_BALLS = 5 }; /* objects BALL .. LAMP, in this order */
 
 /* The positions of all objects at one moment. */
 typedef struct saga_room_state {
     double seconds;
-    double ball[SAGA_ROOM_N_BALLS][3];  /* centres */
-    double radius[SAGA_ROOM_N_BALLS];   /* 0: the ball does not exist */
-    double cube_cos, cube_sin;           /* rotation about z */
-    double roll_cos, roll_sin;           /* rotation of the rolling ball about
-                                          * y */
-    double hook[3];                      /* where the pendulum's rod hangs */
+    double ball[SAGA_ROOM_N_BALLS][3]; /* centres */
+    double radius[SAGA_ROOM_N_BALLS];  /* 0: the ball does not exist */
+    double cube_cos, cube_sin;         /* rotation about z */
+    double roll_cos, roll_sin;         /* rotation of the rolling ball about
+                                        * y */
+    double hook[3];                    /* where the pendulum's rod hangs */
 } saga_room_state;
 
 typedef struct saga_room_hit {
-    double distance;    /* distance in lengths of the ray's direction */
+    double distance; /* distance in lengths of the ray's direction */
     double position[3], normal[3];
     enum saga_room_object object;
 } saga_room_hit;

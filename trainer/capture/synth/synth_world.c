@@ -17,10 +17,10 @@ saga_synth_sight saga_synth_look(const saga_synth_world *w,
                                  const double origin[3],
                                  const double direction[3])
 {
-    saga_synth_sight sight = {.fixed = true};
+    saga_synth_sight sight = { .fixed = true };
     if (w->scene == SAGA_SYNTH_RING) {
-        const saga_ring_hit hit =
-            saga_ring_trace(&w->at.ring, origin, direction);
+        const saga_ring_hit hit = saga_ring_trace(&w->at.ring, origin,
+                                                  direction);
         sight.distance = hit.distance;
         memcpy(sight.position, hit.position, sizeof sight.position);
         return sight;

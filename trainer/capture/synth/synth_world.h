@@ -19,10 +19,10 @@ typedef struct saga_synth_world {
 
 /* What a ray hits. */
 typedef struct saga_synth_sight {
-    double distance;         /* distance in lengths of the ray's direction */
+    double distance; /* distance in lengths of the ray's direction */
     double position[3];
-    bool fixed;              /* the light does not depend on the direction of
-                              * view */
+    bool fixed; /* the light does not depend on the direction of
+                 * view */
 } saga_synth_sight;
 
 void saga_synth_world_at(saga_synth_world *world,

@@ -7,7 +7,7 @@
 void saga_capture_free(saga_capture *capture)
 {
     for (int v = 0; v < capture->n_views; v++) {
-        saga_shot *const view = &capture->views[v];
+        saga_source_view *const view = &capture->views[v];
         for (int k = 0; view->depth && k < capture->n_frames; k++)
             free(view->depth[k]);
         free(view->depth);
@@ -17,7 +17,7 @@ void saga_capture_free(saga_capture *capture)
     }
     free(capture->views);
     free(capture->points);
-    *capture = (saga_capture){0};
+    *capture = (saga_capture){ 0 };
 }
 
 double saga_capture_forgive(const saga_capture *capture, int view, int frame,
@@ -59,5 +59,6 @@ int saga_capture_sample(const saga_capture *c, int view, int index)
      * MAX_PICTURES. */
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
     return index < n ? saga_capture_near(
-        c, view, (int)((int64_t)index * c->n_frames / n)) : -1;
+                           c, view, (int)((int64_t)index * c->n_frames / n))
+                     : -1;
 }

@@ -36,7 +36,7 @@ enum {
     SAGA_NOTES_NBYTES = 4096,
     SAGA_MAX_VIEWS = 4096,
     SAGA_MAX_FRAMES = 1 << 20,
-    SAGA_MAX_SIDE = 16384,  /* width or height of a picture, pixels */
+    SAGA_MAX_SIDE = 16384, /* width or height of a picture, pixels */
     SAGA_MAX_SCALE = 64
 };
 
@@ -46,67 +46,67 @@ enum {
 typedef bool saga_progress_fn(void *user, double done, const char *doing);
 
 typedef struct saga_capture_options {
-    int scale;               /* pictures are loaded at 1/scale,
-                              * 1..SAGA_MAX_SCALE, by averaging boxes of scale x
-                              * scale pixels */
-    int first_frame;         /* frames first_frame..end_frame - 1 */
-    int end_frame;           /* 0: to the last */
-    const char *hold_out;    /* names, comma-separated; "": none; NULL: the
-                              * capture's choice (cam00 for Neu3D) */
-    const char *late;        /* "NAME=FRAMES,..": delay of cameras relative to
-                              * the others in frames, which may be fractions;
-                              * NULL: none */
-    bool any_length;         /* cut videos of unequal lengths to the shortest
-                              * even if `late` is NULL */
-    uint64_t memory_nbytes;  /* budget for pictures and depth */
-    int n_threads;           /* 0: OpenMP's default */
-    double fps;              /* frame rate if the capture has none; 0: 30 */
-    double metres; /* metres per unit of length; 0: from the capture */
-    bool want_depth;         /* load depth pictures if there are any */
-    bool alpha_masks;        /* pixels of alpha below 128 do not count */
-    bool follow_paths;       /* read files that the capture names outside its
-                              * folder */
-    saga_error *no_overlap;  /* receives the error if no two cameras share
-                              * anything in view, and the capture is loaded
-                              * anyway; NULL: loading fails */
+    int scale;              /* pictures are loaded at 1/scale,
+                             * 1..SAGA_MAX_SCALE, by averaging boxes of scale x
+                             * scale pixels */
+    int first_frame;        /* frames first_frame..end_frame - 1 */
+    int end_frame;          /* 0: to the last */
+    const char *hold_out;   /* names, comma-separated; "": none; NULL: the
+                             * capture's choice (cam00 for Neu3D) */
+    const char *late;       /* "NAME=FRAMES,..": delay of cameras relative to
+                             * the others in frames, which may be fractions;
+                             * NULL: none */
+    bool any_length;        /* cut videos of unequal lengths to the shortest
+                             * even if `late` is NULL */
+    uint64_t memory_nbytes; /* budget for pictures and depth */
+    int n_threads;          /* 0: OpenMP's default */
+    double fps;             /* frame rate if the capture has none; 0: 30 */
+    double metres;          /* metres per unit of length; 0: from the capture */
+    bool want_depth;        /* load depth pictures if there are any */
+    bool alpha_masks;       /* pixels of alpha below 128 do not count */
+    bool follow_paths;      /* read files that the capture names outside its
+                             * folder */
+    saga_error *no_overlap; /* receives the error if no two cameras share
+                             * anything in view, and the capture is loaded
+                             * anyway; NULL: loading fails */
     saga_progress_fn *progress; /* may be NULL */
     void *progress_user;
 } saga_capture_options;
 
-typedef struct saga_shot {
+typedef struct saga_source_view {
     char name[SAGA_NAME_NBYTES];
     int width, height;
-    double fx, fy, cx, cy;    /* pixels, at the size loaded */
-    double rotation[9];       /* world to camera, row-major, orthonormal */
+    double fx, fy, cx, cy; /* pixels, at the size loaded */
+    double rotation[9];    /* world to camera, row-major, orthonormal */
     double translation[3];
     double near_depth, far_depth; /* range of z; 0, 0 if unknown */
-    bool held_out;            /* used for evaluation only, never for training */
-    double late;              /* frame k was taken at time k + late, 0 to 1 */
+    bool held_out; /* used for evaluation only, never for training */
+    double late;   /* frame k was taken at time k + late, 0 to 1 */
 
     /* Origin of the pictures, for reports. */
     int original_width, original_height;
-    double focal_scale;       /* pinhole focal / lens focal, at source size;
-                               * 1 if there was no distortion */
+    double focal_scale; /* pinhole focal / lens focal, at source size;
+                         * 1 if there was no distortion */
     int n_observations; /* number of points seen, if there is a COLMAP model */
     double reprojection_median, reprojection_p90; /* errors of these points in
-                              * pixels of the source */
+                                                   * pixels of the source */
 
-    bool single;              /* has a picture for at most one of several
-                               * frames: rgb and mask hold it once, for all
-                               * frames */
-    uint8_t *rgb;             /* (n_frames, height, width, 3) */
-    bool *missing;            /* (n_frames) true: the frame has no picture, and
-                               * rgb is that of the nearest frame that has one;
-                               * NULL: none is missing */
+    bool single;   /* has a picture for at most one of several
+                    * frames: rgb and mask hold it once, for all
+                    * frames */
+    uint8_t *rgb;  /* (n_frames, height, width, 3) */
+    bool *missing; /* (n_frames) true: the frame has no picture, and
+                    * rgb is that of the nearest frame that has one;
+                    * NULL: none is missing */
     int n_missing;
-    uint8_t *mask;            /* (n_frames, height, width): 1 if a pixel counts;
-                               * 0 if not, and then rgb is from the nearest
-                               * frame in which it counts; NULL: all pixels
-                               * count */
-    float **depth;            /* (n_frames) pointers to (height, width) or NULL:
-                               * z along the optical axis; NULL if no frame has
-                               * depth */
-} saga_shot;
+    uint8_t *mask; /* (n_frames, height, width): 1 if a pixel counts;
+                    * 0 if not, and then rgb is from the nearest
+                    * frame in which it counts; NULL: all pixels
+                    * count */
+    float **depth; /* (n_frames) pointers to (height, width) or NULL:
+                    * z along the optical axis; NULL if no frame has
+                    * depth */
+} saga_source_view;
 
 typedef struct saga_point {
     double position[3];
@@ -114,21 +114,21 @@ typedef struct saga_point {
 } saga_point;
 
 typedef struct saga_capture {
-    const char *format;       /* static string, for reports */
+    const char *format; /* static string, for reports */
     int n_views, n_frames;
-    bool moves; /* one camera moves, and each view is one of its pictures */
+    bool moves;  /* one camera moves, and each view is one of its pictures */
     bool opengl; /* the file uses OpenGL's axes: y up, z backwards */
-    int first_frame;          /* frame of the source that is frame 0 here */
-    int n_learned;            /* number of training views, */
-    double learned_pixels;    /* the sum of their pixels in one frame, */
-    double largest_pixels;    /* and the pixels of the largest of them */
-    int n_fitting;            /* number of frames whose pictures take half the
-                               * memory budget */
+    int first_frame;       /* frame of the source that is frame 0 here */
+    int n_learned;         /* number of training views, */
+    double learned_pixels; /* the sum of their pixels in one frame, */
+    double largest_pixels; /* and the pixels of the largest of them */
+    int n_fitting;         /* number of frames whose pictures take half the
+                            * memory budget */
     double fps;
-    double metres;            /* metres per unit of length; 0: unknown */
+    double metres; /* metres per unit of length; 0: unknown */
     int scale;
-    saga_shot *views;         /* (n_views) */
-    saga_point *points;       /* (n_points), NULL if none */
+    saga_source_view *views; /* (n_views) */
+    saga_point *points;      /* (n_points), NULL if none */
     size_t n_points;
     char notes[SAGA_NOTES_NBYTES]; /* lines about decisions of the loader */
 } saga_capture;
@@ -137,18 +137,18 @@ typedef struct saga_capture {
  * empty already. */
 void saga_capture_free(saga_capture *capture);
 
-static inline size_t saga_view_row_nbytes(const saga_shot *view)
+static inline size_t saga_view_row_nbytes(const saga_source_view *view)
 {
     return (size_t)view->width * 3;
 }
 
-static inline size_t saga_view_frame_nbytes(const saga_shot *view)
+static inline size_t saga_view_frame_nbytes(const saga_source_view *view)
 {
     return saga_view_row_nbytes(view) * (size_t)view->height;
 }
 
 /* Returns the number of pictures that rgb and mask hold. */
-static inline int saga_view_n_held(const saga_shot *view, int n_frames)
+static inline int saga_view_n_held(const saga_source_view *view, int n_frames)
 {
     return view->single ? 1 : n_frames;
 }
@@ -161,7 +161,8 @@ static inline double saga_capture_seconds(const saga_capture *capture)
 {
     const double most = capture->n_frames * 10.0 / 24.0;
     const double all = capture->moves || !(capture->fps > 0.0)
-        ? 1.0 : capture->n_frames / capture->fps;
+                           ? 1.0
+                           : capture->n_frames / capture->fps;
 
     return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
@@ -171,9 +172,8 @@ static inline double saga_capture_seconds(const saga_capture *capture)
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                                                 int view, int frame)
 {
-    const saga_shot *const v = &capture->views[view];
-    return v->rgb + saga_view_frame_nbytes(v) *
-                        (size_t)(v->single ? 0 : frame);
+    const saga_source_view *const v = &capture->views[view];
+    return v->rgb + saga_view_frame_nbytes(v) * (size_t)(v->single ? 0 : frame);
 }
 
 /* Returns whether the picture exists, so that it can be trained on or
@@ -181,7 +181,7 @@ static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
 static inline bool saga_capture_has(const saga_capture *capture, int view,
                                     int frame)
 {
-    const saga_shot *const v = &capture->views[view];
+    const saga_source_view *const v = &capture->views[view];
     return !v->missing || !v->missing[frame];
 }
 
@@ -211,9 +211,9 @@ static inline int saga_capture_near(const saga_capture *capture, int view,
 static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
                                                int view, int frame)
 {
-    const saga_shot *const v = &capture->views[view];
+    const saga_source_view *const v = &capture->views[view];
     return v->mask ? v->mask + (size_t)v->width * (size_t)v->height *
-                               (size_t)(v->single ? 0 : frame)
+                                   (size_t)(v->single ? 0 : frame)
                    : NULL;
 }
 
@@ -226,12 +226,12 @@ double saga_capture_forgive(const saga_capture *capture, int view, int frame,
 static inline const float *saga_capture_depth(const saga_capture *capture,
                                               int view, int frame)
 {
-    const saga_shot *const v = &capture->views[view];
+    const saga_source_view *const v = &capture->views[view];
     return v->depth ? v->depth[frame] : NULL;
 }
 
 /* Transforms a world point to camera axes. */
-static inline void saga_view_transform(const saga_shot *view,
+static inline void saga_view_transform(const saga_source_view *view,
                                        const double world[3], double cam[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -243,7 +243,7 @@ static inline void saga_view_transform(const saga_shot *view,
 
 /* Projects a world point: sets pixel and depth. Returns false, with uv
  * unchanged, if it lies behind the camera. */
-static inline bool saga_view_project(const saga_shot *view,
+static inline bool saga_view_project(const saga_source_view *view,
                                      const double world[3], double uv[2],
                                      double *depth)
 {
@@ -258,15 +258,16 @@ static inline bool saga_view_project(const saga_shot *view,
 }
 
 /* Computes the world point that a pixel shows at a depth. */
-static inline void saga_view_lift(const saga_shot *view, const double uv[2],
-                                  double depth, double world[3])
+static inline void saga_view_lift(const saga_source_view *view,
+                                  const double uv[2], double depth,
+                                  double world[3])
 {
     /* X = R P + t, so P = R^T (X - t), with X on the pixel's ray at that
      * depth. */
     const double *const r = view->rotation, *const t = view->translation;
-    const double c[3] = {(uv[0] - view->cx) / view->fx * depth - t[0],
-                         (uv[1] - view->cy) / view->fy * depth - t[1],
-                         depth - t[2]};
+    const double c[3] = { (uv[0] - view->cx) / view->fx * depth - t[0],
+                          (uv[1] - view->cy) / view->fy * depth - t[1],
+                          depth - t[2] };
     for (int i = 0; i < 3; i++)
         world[i] = r[i] * c[0] + r[3 + i] * c[1] + r[6 + i] * c[2];
 }

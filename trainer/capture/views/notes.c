@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum {
-    LISTED = 3,              /* items in a line; the others are counted */
+    LISTED = 3, /* items in a line; the others are counted */
     ITEM_NBYTES = 256
 };
 
@@ -67,8 +67,8 @@ static void add_to_list(char to[SAGA_NOTES_NBYTES], const char *list, size_t n,
                        more + 1);
 }
 
-void saga_note_each(char *notes, const saga_note_kind *kind,
-                    const char *format, ...)
+void saga_note_each(char *notes, const saga_note_kind *kind, const char *format,
+                    ...)
 {
     char list[SAGA_NOTES_NBYTES], item[ITEM_NBYTES], text[ITEM_NBYTES];
     const size_t head = strlen(kind->before), tail = strlen(kind->after);

@@ -19,8 +19,8 @@ typedef struct saga_note_kind {
 /* Appends a line with an item, such as a camera and its value. If the buffer
  * has a line of that kind, the item joins its list, so that a line says "A, B,
  * C and 14 more" of any number. An item has no ", ". */
-void saga_note_each(char *notes, const saga_note_kind *kind,
-                    const char *format, ...) SAGA_PRINTF(3, 4);
+void saga_note_each(char *notes, const saga_note_kind *kind, const char *format,
+                    ...) SAGA_PRINTF(3, 4);
 
 /* Copies s[0..n) as a name for messages, tables and files, as saga_utf8_copy
  * does; commas and slashes, which could disturb a list or a path, become '_'.

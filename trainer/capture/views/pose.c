@@ -15,10 +15,11 @@ bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9])
     /* Dividing by the squared length allows quaternions of any length. */
     const double w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3];
     const double s = 2.0 / n2;
-    const double r[9] = {
-        1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-        s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x),
-        s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)};
+    const double r[9] = { 1.0 - s * (y * y + z * z), s * (x * y - w * z),
+                          s * (x * z + w * y),       s * (x * y + w * z),
+                          1.0 - s * (x * x + z * z), s * (y * z - w * x),
+                          s * (x * z - w * y),       s * (y * z + w * x),
+                          1.0 - s * (x * x + y * y) };
     memcpy(rotation, r, sizeof r);
     return true;
 }
@@ -31,10 +32,11 @@ void saga_pose_from_turn(const double turn[3], double rotation[9])
      * turn x v. Below a = 1e-4 the series ends, to double's precision. */
     const double s = a < 1e-4 ? 1.0 - a2 / 6.0 : sin(a) / a;
     const double c = a < 1e-4 ? 0.5 - a2 / 24.0 : (1.0 - cos(a)) / a2;
-    const double r[9] = {
-        1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y,
-        c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x,
-        c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)};
+    const double r[9] = { 1.0 - c * (y * y + z * z), c * x * y - s * z,
+                          c * x * z + s * y,         c * x * y + s * z,
+                          1.0 - c * (x * x + z * z), c * y * z - s * x,
+                          c * x * z - s * y,         c * y * z + s * x,
+                          1.0 - c * (x * x + y * y) };
     memcpy(rotation, r, sizeof r);
 }
 
@@ -80,8 +82,8 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
     memcpy(r + 6, forward, 3 * sizeof *r);
     /* A rotation rounded to three digits passes; one whose scale is off by more
      * than half a per cent does not. */
-    if (!(defect(r) < 0.01) || !isfinite(centre[0]) ||
-        !isfinite(centre[1]) || !isfinite(centre[2]))
+    if (!(defect(r) < 0.01) || !isfinite(centre[0]) || !isfinite(centre[1]) ||
+        !isfinite(centre[2]))
         return false;
     nearest_rotation(r);
     memcpy(rotation, r, sizeof r);
@@ -94,8 +96,7 @@ bool saga_pose_from_world(const double r[9], const double t[3],
 {
     double centre[3];
     saga_pose_centre(r, t, centre);
-    return saga_pose_from_axes(r, r + 3, r + 6, centre, rotation,
-                               translation);
+    return saga_pose_from_axes(r, r + 3, r + 6, centre, rotation, translation);
 }
 
 bool saga_pose_is_mirrored(const double rotation[9])

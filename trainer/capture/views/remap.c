@@ -14,8 +14,7 @@ static double fisheye_radius(const saga_lens *l, double angle)
 {
     const double a2 = angle * angle;
     return angle *
-           (1.0 +
-            a2 * (l->k1 + a2 * (l->k2 + a2 * (l->k3 + a2 * l->k4))));
+           (1.0 + a2 * (l->k1 + a2 * (l->k2 + a2 * (l->k3 + a2 * l->k4))));
 }
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
@@ -24,9 +23,9 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
      * in the axes of the whole picture. */
     if (lens->equirect) {
         const double *const m = lens->turn;
-        const double d[3] = {m[0] * x + m[1] * y + m[2],
-                             m[3] * x + m[4] * y + m[5],
-                             m[6] * x + m[7] * y + m[8]};
+        const double d[3] = { m[0] * x + m[1] * y + m[2],
+                              m[3] * x + m[4] * y + m[5],
+                              m[6] * x + m[7] * y + m[8] };
         uv[0] = lens->fx * atan2(d[0], d[2]) + lens->cx;
         uv[1] = lens->fy * atan2(d[1], sqrt(d[0] * d[0] + d[2] * d[2])) +
                 lens->cy;
@@ -36,8 +35,7 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
      * gives the radius. */
     if (lens->fisheye) {
         const double r = sqrt(x * x + y * y);
-        const double part =
-            r > 1e-12 ? fisheye_radius(lens, atan(r)) / r : 1.0;
+        const double part = r > 1e-12 ? fisheye_radius(lens, atan(r)) / r : 1.0;
         uv[0] = lens->fx * x * part + lens->cx;
         uv[1] = lens->fy * y * part + lens->cy;
         return;
@@ -45,12 +43,11 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
     /* Other lenses multiply the radius by g; then p1 and p2 are added for a
      * decentred lens. */
     const double r2 = x * x + y * y;
-    const double g =
-        1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
-    const double xd =
-        x * g + 2.0 * lens->p1 * x * y + lens->p2 * (r2 + 2.0 * x * x);
-    const double yd =
-        y * g + lens->p1 * (r2 + 2.0 * y * y) + 2.0 * lens->p2 * x * y;
+    const double g = 1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+    const double xd = x * g + 2.0 * lens->p1 * x * y +
+                      lens->p2 * (r2 + 2.0 * x * x);
+    const double yd = y * g + lens->p1 * (r2 + 2.0 * y * y) +
+                      2.0 * lens->p2 * x * y;
     uv[0] = lens->fx * xd + lens->cx;
     uv[1] = lens->fy * yd + lens->cy;
 }
@@ -91,17 +88,17 @@ static bool grows_until(const saga_lens *lens, double r_max)
     const double step = atan(r_max) / 256.0;
     for (int i = 0; lens->fisheye && i < 256; i++)
         if (!(fisheye_radius(lens, step * (i + 1)) -
-                  fisheye_radius(lens, step * i) > 0.05 * step))
+                  fisheye_radius(lens, step * i) >
+              0.05 * step))
             return false;
     for (int i = 0; !lens->fisheye && i <= 256; i++) {
         const double r2 = r_max * r_max * (i / 256.0) * (i / 256.0);
         /* d/dr (r g) = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6. If it is below 0.05,
          * more than twenty pixels of the pinhole show one pixel of the
          * source. */
-        const double slope =
-            1.0 +
-            r2 * (3.0 * lens->k1 +
-                  r2 * (5.0 * lens->k2 + r2 * 7.0 * lens->k3));
+        const double slope = 1.0 +
+                             r2 * (3.0 * lens->k1 +
+                                   r2 * (5.0 * lens->k2 + r2 * 7.0 * lens->k3));
         if (!(slope > 0.05))
             return false;
     }
@@ -176,8 +173,8 @@ static double choose_scale(const saga_lens *lens, int width, int height)
 
 static bool lens_is_sane(const saga_lens *l)
 {
-    const double all[] = {l->fx, l->fy, l->cx, l->cy, l->k1,
-                          l->k2, l->k3, l->p1, l->p2, l->k4};
+    const double all[] = { l->fx, l->fy, l->cx, l->cy, l->k1,
+                           l->k2, l->k3, l->p1, l->p2, l->k4 };
     for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
         if (!isfinite(all[i]))
             return false;
@@ -185,14 +182,15 @@ static bool lens_is_sane(const saga_lens *l)
 }
 
 bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
-                     int height, int scale, const char *file,
-                     saga_error *error)
+                     int height, int scale, const char *file, saga_error *error)
 {
     const int side = lens->equirect ? face_side(lens) : 0;
-    *remap = (saga_remap){.original_width = width, .original_height = height,
-                          .full_width = side ? side : width,
-                          .full_height = side ? side : height,
-                          .scale = scale, .focal_scale = 1.0};
+    *remap = (saga_remap){ .original_width = width,
+                           .original_height = height,
+                           .full_width = side ? side : width,
+                           .full_height = side ? side : height,
+                           .scale = scale,
+                           .focal_scale = 1.0 };
     remap->width = remap->full_width / scale;
     remap->height = remap->full_height / scale;
     if (remap->width < 1 || remap->height < 1)
@@ -202,7 +200,8 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
     if (!lens_is_sane(lens))
         return saga_fail(error, file, "correct the intrinsics",
                          "intrinsics are not usable (fx %g, fy %g, cx %g, "
-                         "cy %g)", lens->fx, lens->fy, lens->cx, lens->cy);
+                         "cy %g)",
+                         lens->fx, lens->fy, lens->cx, lens->cy);
     if (lens->equirect) {
         remap->fx = remap->fy = remap->cx = remap->cy = side / 2.0 / scale;
         return true;
@@ -210,8 +209,10 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
     if (!saga_lens_is_pinhole(lens))
         remap->focal_scale = choose_scale(lens, width, height);
     if (remap->focal_scale == 0.0)
-        return saga_fail(error, file, "check their order and sign, or "
-                         "undistort the pictures first", "distortion k1 %g, "
+        return saga_fail(error, file,
+                         "check their order and sign, or "
+                         "undistort the pictures first",
+                         "distortion k1 %g, "
                          "k2 %g, k3 %g, p1 %g, p2 %g folds the picture",
                          lens->k1, lens->k2, lens->k3, lens->p1, lens->p2);
     /* Positions are measured from the picture's corner, so dividing them by N
@@ -229,8 +230,7 @@ uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
     /* A tap takes 4 bytes, and its two fractions take 2. */
     return saga_lens_is_pinhole(lens)
                ? 0
-               : (uint64_t)remap->full_width *
-                     (uint64_t)remap->full_height * 6;
+               : (uint64_t)remap->full_width * (uint64_t)remap->full_height * 6;
 }
 
 /* Returns the first of two neighbouring taps for a position along one axis. The
@@ -293,13 +293,14 @@ static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
     const uint32_t fx = remap->fractions[2 * i];
     const uint32_t fy = remap->fractions[2 * i + 1];
     const size_t right = remap->original_width > 1 ? 3 : 0;
-    const size_t down =
-        remap->original_height > 1 ? (size_t)remap->original_width * 3 : 0;
+    const size_t down = remap->original_height > 1
+                            ? (size_t)remap->original_width * 3
+                            : 0;
     const uint8_t *const p = source + (size_t)remap->taps[i] * 3;
     for (size_t c = 0; c < 3; c++) {
         const uint32_t top = p[c] * (256 - fx) + p[right + c] * fx;
-        const uint32_t bottom =
-            p[down + c] * (256 - fx) + p[down + right + c] * fx;
+        const uint32_t bottom = p[down + c] * (256 - fx) +
+                                p[down + right + c] * fx;
         sum[c] += top * (256 - fy) + bottom * fy;
     }
 }
@@ -309,11 +310,10 @@ static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
 {
     const size_t n = (size_t)remap->scale, w = (size_t)remap->full_width;
     /* The sum of 64 x 64 pixels of 255 x 65536 exceeds 32 bits. */
-    uint64_t sum[3] = {0};
+    uint64_t sum[3] = { 0 };
     for (size_t b = 0; b < n; b++)
         for (size_t a = 0; a < n; a++) {
-            const size_t i =
-                ((size_t)y * n + b) * w + (size_t)x * n + a;
+            const size_t i = ((size_t)y * n + b) * w + (size_t)x * n + a;
             if (remap->taps)
                 add_bilinear(remap, source, i, sum);
             else
@@ -331,8 +331,7 @@ void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
                     uint8_t *rgb)
 {
     if (!remap->taps && remap->scale == 1) {
-        memcpy(rgb, source,
-               (size_t)remap->width * (size_t)remap->height * 3);
+        memcpy(rgb, source, (size_t)remap->width * (size_t)remap->height * 3);
         return;
     }
     for (int y = 0; y < remap->height; y++)

@@ -42,11 +42,11 @@
 typedef struct saga_lens {
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2;
-    double k4;                /* coefficient of a fisheye, which has no p1 and
-                               * p2 */
+    double k4; /* coefficient of a fisheye, which has no p1 and
+                * p2 */
     bool fisheye, equirect;
-    double turn[9];           /* rotation from a face's axes to those of the
-                               * equirectangular picture, row-major */
+    double turn[9]; /* rotation from a face's axes to those of the
+                     * equirectangular picture, row-major */
 } saga_lens;
 
 typedef struct saga_remap {
@@ -54,18 +54,17 @@ typedef struct saga_remap {
     int full_width, full_height; /* size of the pinhole picture before
                                   * scaling */
     int scale;
-    int width, height;        /* size of the output */
-    double fx, fy, cx, cy;    /* intrinsics of the output, in its pixels */
+    int width, height;     /* size of the output */
+    double fx, fy, cx, cy; /* intrinsics of the output, in its pixels */
     double focal_scale;
-    uint32_t *taps;           /* (full_height, full_width): index of the upper
-                               * left of the four source pixels; NULL: no
-                               * distortion */
-    uint8_t *fractions;       /* (full_height, full_width, 2), in 1/256 pixel */
+    uint32_t *taps;     /* (full_height, full_width): index of the upper
+                         * left of the four source pixels; NULL: no
+                         * distortion */
+    uint8_t *fractions; /* (full_height, full_width, 2), in 1/256 pixel */
 } saga_remap;
 
 /* Computes the pixel at which the lens shows direction (x, y, 1). */
-void saga_lens_project(const saga_lens *lens, double x, double y,
-                       double uv[2]);
+void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2]);
 bool saga_lens_is_pinhole(const saga_lens *lens);
 
 /* Chooses the pinhole picture; allocates nothing. `file` is the name for

@@ -42,7 +42,7 @@ static bool alloc_all(saga_fit *f, saga_error *error)
            saga_pictures_canvas(&f->canvas, f->pictures, error);
 }
 
-static bool begin(saga_fit *f, saga_error *error)
+static bool begin_fit(saga_fit *f, saga_error *error)
 {
     saga_scene *const s = f->scene;
 
@@ -51,8 +51,7 @@ static bool begin(saga_fit *f, saga_error *error)
     if (f->o.given)
         memcpy(s->params, f->o.given->scene.params,
                saga_fit_n_params(s) * sizeof *s->params);
-    if (!alloc_all(f, error) ||
-        !saga_twin_init(&f->twin, s, error) ||
+    if (!alloc_all(f, error) || !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
     f->twin.correction_price = CORRECTION_PRICE;
@@ -80,7 +79,7 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_pictures *pictures,
     f->scene = scene;
     f->pictures = pictures;
     f->o = *options;
-    if (begin(f, error))
+    if (begin_fit(f, error))
         return f;
     saga_fit_free(f);
     return NULL;
@@ -132,11 +131,9 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
 static bool add_rate(saga_fit *f, double price, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
-    saga_rate_options o = {
-        .rounding = saga_fit_is_rounding(f),
-        .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
-        .weight = (real)price
-    };
+    saga_rate_options o = { .rounding = saga_fit_is_rounding(f),
+                            .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
+                            .weight = (real)price };
 
     /* Sources are chosen once, in the first iteration that rounds. Those of
      * given networks were chosen when the networks were made. */
@@ -157,8 +154,8 @@ enum { FEATURES = 2048, FEATURE_NS = 5, PRIMS = 256, PRIM_NS = 60 };
 static void use_features(void *user, size_t part)
 {
     saga_fit *const f = user;
-    const saga_range of = saga_part((size_t)f->scene->n.coarse *
-                                    f->scene->model.features, FEATURES, part);
+    const saga_range of = saga_part(
+        (size_t)f->scene->n.coarse * f->scene->model.features, FEATURES, part);
     const saga_rng r = saga_rng_stream(
         f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_NOISE);
     const double step = saga_fit_feature_step(f->scene);
@@ -210,8 +207,8 @@ static void use_positions(void *user, size_t part)
             f->position[4 * i + k] = at[k] + support[k] * o[k];
             /* A step is a part of the support, so the shift grows with the
              * support. The twin derives a gradient of the support from it. */
-            f->twin.prim_shift[4 * i + k] =
-                f->position[4 * i + k] - s->prim_x[4 * i + k];
+            f->twin.prim_shift[4 * i + k] = f->position[4 * i + k] -
+                                            s->prim_x[4 * i + k];
         }
     }
 }
@@ -220,18 +217,20 @@ static void use_all_features(saga_fit *f)
 {
     const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
 
-    saga_parallel(&(saga_tasks){
-        .run = use_features, .user = f, .n = saga_n_parts(n, FEATURES),
-        .ns = (double)FEATURE_NS * (double)n });
+    saga_parallel(&(saga_tasks){ .run = use_features,
+                                 .user = f,
+                                 .n = saga_n_parts(n, FEATURES),
+                                 .ns = (double)FEATURE_NS * (double)n });
 }
 
 static void use_all_positions(saga_fit *f)
 {
     const size_t n = f->scene->n.prim;
 
-    saga_parallel(&(saga_tasks){
-        .run = use_positions, .user = f, .n = saga_n_parts(n, PRIMS),
-        .ns = (double)PRIM_NS * (double)n });
+    saga_parallel(&(saga_tasks){ .run = use_positions,
+                                 .user = f,
+                                 .n = saga_n_parts(n, PRIMS),
+                                 .ns = (double)PRIM_NS * (double)n });
 }
 
 /* --- An iteration ------------------------------------------------------- */
@@ -242,8 +241,8 @@ static void use_all_positions(saga_fit *f)
 static uint32_t n_drawn(const saga_fit *f)
 {
     const saga_scene *const s = f->scene;
-    const double x = saga_rng_double(
-        saga_rng_stream(f->o.seed, STREAM_LAYERS), (uint64_t)f->iteration);
+    const double x = saga_rng_double(saga_rng_stream(f->o.seed, STREAM_LAYERS),
+                                     (uint64_t)f->iteration);
 
     if (s->n_layers == 1 || x < 0.5)
         return s->n.prim;
@@ -253,8 +252,8 @@ static uint32_t n_drawn(const saga_fit *f)
 }
 
 /* Draws one picture and adds its gradients to the twin's. */
-static bool learn_picture(saga_fit *f, saga_sample picture,
-                          double *mse, saga_error *error)
+static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
+                          saga_error *error)
 {
     saga_splat_learning l = { .d = f->twin.d_attr };
     saga_canvas *const c = &f->canvas;
@@ -340,10 +339,10 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
         return NULL;
     /* The coarse features are rounded from the unrounded ones in the order of
      * coding, each against the mu that the previous ones give. */
-    memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
-           f->scene->model.features * sizeof *feature);
-    saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
-                          SAGA_KIND_COARSE);
+    memcpy(feature, f->scene->coarse_feature,
+           (size_t)f->scene->n.coarse * f->scene->model.features *
+               sizeof *feature);
+    saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE, SAGA_KIND_COARSE);
     /* Fine features and supports are computed from the coarse features. With
      * these, the offsets of fine anchors and of primitives are coded. */
     if (!saga_twin_refresh(&f->twin, &f->used, feature, error)) {

@@ -47,19 +47,19 @@
 /* Networks as they will be decoded, and the constants that replace the entropy
  * network of a kind without sources. */
 typedef struct saga_fit_networks {
-    saga_scene scene;            /* only its model, with number formats, and its
-                                  * networks are used */
+    saga_scene scene; /* only its model, with number formats, and its
+                       * networks are used */
     saga_rate_constants constants;
 } saga_fit_networks;
 
 typedef struct saga_fit_options {
-    int n_render;                /* number of iterations */
+    int n_render; /* number of iterations */
     uint64_t seed;
     saga_prices price;
-    bool raw_networks;           /* for experiments: weights have no price, and
-                                  * their step stays 2^-SAGA_RAW_STEP */
-    bool keep_sources;           /* the entropy model keeps all sources that the
-                                  * model has, whatever they cost */
+    bool raw_networks; /* for experiments: weights have no price, and
+                        * their step stays 2^-SAGA_RAW_STEP */
+    bool keep_sources; /* the entropy model keeps all sources that the
+                        * model has, whatever they cost */
     const saga_fit_networks *given; /* NULL: the fit trains networks of its
                                      * own */
 } saga_fit_options;
@@ -100,8 +100,8 @@ double saga_fit_price(const saga_fit *fit);
  * float model from them. Returns NULL with *error set if memory is short;
  * otherwise the caller calls saga_rate_choice_free(choice), before it frees the
  * fit. */
-saga_twin *saga_fit_code(saga_fit *fit, real *feature,
-                         saga_rate_choice *choice, saga_error *error);
+saga_twin *saga_fit_code(saga_fit *fit, real *feature, saga_rate_choice *choice,
+                         saga_error *error);
 
 /* Return, after saga_fit_code, the scene with its networks as they will be
  * decoded, and the steps of their weights. Both are owned by the fit. */
@@ -120,7 +120,6 @@ double saga_fit_bits(const saga_fit *fit);
  * take, without their biases but with the scales of their rows or columns. It
  * is called after saga_fit_code. Returns false with *error set if memory is
  * short. */
-bool saga_fit_weight_bits(double *bits, const saga_fit *fit,
-                          saga_error *error);
+bool saga_fit_weight_bits(double *bits, const saga_fit *fit, saga_error *error);
 
 #endif

@@ -12,9 +12,7 @@
 
 #include <stdlib.h>
 
-enum {
-    T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
-};
+enum { T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS };
 
 /* --- State --------------------------------------------------------------- */
 
@@ -26,11 +24,14 @@ static saga_block_adam feature_blocks(saga_fit *f)
     const saga_descent *const d = &f->descent;
     const size_t at = (size_t)(s->coarse_feature - s->reals);
 
-    return (saga_block_adam){
-        .x = s->coarse_feature, .g = f->grad.reals + at, .m = d->m + at,
-        .v = d->v + at, .covariance = d->covariance, .axes = d->axes,
-        .n = s->n.coarse, .width = s->model.features
-    };
+    return (saga_block_adam){ .x = s->coarse_feature,
+                              .g = f->grad.reals + at,
+                              .m = d->m + at,
+                              .v = d->v + at,
+                              .covariance = d->covariance,
+                              .axes = d->axes,
+                              .n = s->n.coarse,
+                              .width = s->model.features };
 }
 
 static size_t n_axes(const saga_scene *s)
@@ -80,8 +81,8 @@ void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
 
 /* --- Step ---------------------------------------------------------------- */
 
-static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
-                   real *x, size_t n, real rate)
+static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name, real *x,
+                   size_t n, real rate)
 {
     const size_t at = (size_t)(x - f->scene->reals);
 
@@ -101,8 +102,10 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
     /* The entropy networks come first in params, and the bank's are the last of
      * them. */
     const size_t n_entropy = saga_rate_n_params(s);
-    const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
-        ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
+    const size_t n_bank =
+        s->net[SAGA_NET_QUERY].n_layers
+            ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params)
+            : 0;
     const size_t still = saga_fit_n_still(f);
     const size_t first = still > n_entropy ? still : n_entropy;
 
@@ -112,8 +115,8 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
            (size_t)s->n.coarse * s->model.features, 0);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, r->prim);
-    tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
-           n_entropy - n_bank, r->entropy);
+    tensor(&t[T_ENTROPY], f, "entropy networks", s->params, n_entropy - n_bank,
+           r->entropy);
     /* The bank has gradients only where its reads are evaluated again. With
      * rate 0 its moments stay unchanged until then. */
     tensor(&t[T_BANK], f, "memory bank's networks",
@@ -122,10 +125,13 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
     /* The networks move from the first layer on that is not rounded yet. */
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, r->networks);
-    t[T_STEPS] = (saga_adam_tensor){
-        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
-        f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
-    };
+    t[T_STEPS] = (saga_adam_tensor){ "steps of the networks",
+                                     f->weights.log2_step,
+                                     f->weights.d_log2_step,
+                                     f->weights.m,
+                                     f->weights.v,
+                                     (size_t)f->weights.n,
+                                     r->steps };
 }
 
 bool saga_fit_descend(saga_fit *f, saga_error *error)

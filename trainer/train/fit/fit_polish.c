@@ -32,25 +32,26 @@ static const char what[] = "the polish of the features";
 
 typedef struct {
     saga_fit *f;
-    saga_twin *twin;             /* twin of the decoded scene */
-    size_t width, n_blocks;      /* number of features in a block */
+    saga_twin *twin;        /* twin of the decoded scene */
+    size_t width, n_blocks; /* number of features in a block */
     uint64_t n_pictures;
     saga_rng pictures;
-    real *feature, *slope;       /* (blocks, F): decoded features, and dD / d
-                                  * feature */
-    real *best, *best_slope;     /* (blocks, F): the same at the least loss so
-                                  * far */
-    real *curve;                 /* (blocks, F) d2D / d feature^2 */
-    double step;                 /* quantisation step of a feature */
-    double price;                /* price of a bit */
-    double loss;                 /* D + price R of the decoded scene */
+    real *feature, *slope;   /* (blocks, F): decoded features, and dD / d
+                              * feature */
+    real *best, *best_slope; /* (blocks, F): the same at the least loss so
+                              * far */
+    real *curve;             /* (blocks, F) d2D / d feature^2 */
+    double step;             /* quantisation step of a feature */
+    double price;            /* price of a bit */
+    double loss;             /* D + price R of the decoded scene */
 } polish;
 
 static bool init(polish *p, saga_fit *f, saga_error *error)
 {
     const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
 
-    *p = (polish){ .f = f, .width = f->scene->model.features,
+    *p = (polish){ .f = f,
+                   .width = f->scene->model.features,
                    .n_blocks = f->scene->n.coarse,
                    .n_pictures = (uint64_t)f->pictures->n_there,
                    .pictures = saga_rng_stream(f->o.seed, STREAM_PICTURES),
@@ -86,8 +87,8 @@ static bool decode(polish *p, saga_error *error)
 
 static void clear_gradients(polish *p)
 {
-    saga_clear(&(saga_span){ p->f->grad.reals,
-                             p->f->grad.n_reals * sizeof(real) }, 1);
+    saga_clear(
+        &(saga_span){ p->f->grad.reals, p->f->grad.n_reals * sizeof(real) }, 1);
     saga_twin_clear(p->twin, p->f->scene);
 }
 
@@ -118,8 +119,7 @@ static bool look(polish *p, saga_error *error)
         saga_splat_learning l = { .d = p->twin->d_attr };
 
         if (!show(p, i, error) ||
-            !saga_splat_learn(&l, &f->canvas, &p->twin->attr, s->n.prim,
-                              error))
+            !saga_splat_learn(&l, &f->canvas, &p->twin->attr, s->n.prim, error))
             return false;
         p->loss += l.mse / (double)p->n_pictures;
         saga_twin_colour_backward(p->twin, &f->grad, s);
@@ -148,7 +148,7 @@ static bool add_signs(polish *p, uint64_t number, saga_error *error)
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
     for (size_t i = 0; i < n; i++)
         c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
-                                                                     : R(-1);
+                                                                       : R(-1);
     if (!saga_splat_backward(&p->twin->d_attr, NULL, c, &p->twin->attr, error))
         return false;
     saga_twin_colour_backward(p->twin, &f->grad, s);
@@ -182,16 +182,13 @@ typedef struct {
 static coded code_of(const polish *p, size_t block, size_t i)
 {
     const saga_model *const m = &p->f->scene->model;
-    const saga_rate_kind *const k =
-        &p->f->rate.context.kind[SAGA_KIND_COARSE];
+    const saga_rate_kind *const k = &p->f->rate.context.kind[SAGA_KIND_COARSE];
     const size_t at = block * saga_n_channels(m, SAGA_KIND_COARSE) + 4 + i;
     const double sigma = ldexp((double)k->log2_sigma[at], SAGA_COST_SIGMA_Q);
     const double off = (double)(p->best[block * p->width + i] - k->mu[at]);
 
-    return (coded){
-        saga_prob_index((int16_t)lrint(sigma), SAGA_COST_SIGMA_Q),
-        (int32_t)rint(off / p->step)
-    };
+    return (coded){ saga_prob_index((int16_t)lrint(sigma), SAGA_COST_SIGMA_Q),
+                    (int32_t)rint(off / p->step) };
 }
 
 /* Returns the change of the loss when feature `at` moves by one step, up or
@@ -261,7 +258,8 @@ static int n_turns(const saga_fit *f)
     const int n = 2 + (visits - LEAST_VISITS) / MORE_VISITS;
 
     return f->o.given || f->scene->n_layers > 1 || visits < LEAST_VISITS ? 0
-         : n > MOST_TURNS ? MOST_TURNS : n;
+           : n > MOST_TURNS ? MOST_TURNS
+                            : n;
 }
 
 static bool take_turns(polish *p, saga_fit_polished *r, saga_error *error)

@@ -21,10 +21,10 @@
 
 /* The result of a polish, in units of the loss. */
 typedef struct saga_fit_polished {
-    int n_turns;                 /* turns taken; 0: nothing was moved */
-    double before, after;        /* D + price R of the decoded scene */
-    double foretold;             /* the gain predicted for the turns that were
-                                  * kept */
+    int n_turns;          /* turns taken; 0: nothing was moved */
+    double before, after; /* D + price R of the decoded scene */
+    double foretold;      /* the gain predicted for the turns that were
+                           * kept */
 } saga_fit_polished;
 
 /* Polishes the features of a fit after its last iteration, if it has visited

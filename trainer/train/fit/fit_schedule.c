@@ -36,8 +36,8 @@ static real decay(int i, int n, real last)
 {
     const double x = n > 1 ? (double)i / (double)(n - 1) : 0;
 
-    return (real)((double)last + (1 - (double)last) * 0.5 *
-                  (1 + cos(M_PI * x)));
+    return (real)((double)last +
+                  (1 - (double)last) * 0.5 * (1 + cos(M_PI * x)));
 }
 
 /* Returns the rate of the features. A rendering longer than 2,400 iterations
@@ -60,10 +60,9 @@ saga_fit_rates saga_fit_rates_now(const saga_fit *f)
     const bool learns = !f->o.given;
     const bool noisy = learns && !saga_fit_is_rounding(f);
 
-    return (saga_fit_rates){
-        .feature = rate * feature_rate(f), .prim = rate * R(0.0001),
-        .entropy = noisy ? rate * R(0.004) : 0,
-        .networks = learns ? rate * R(0.0016) : 0,
-        .steps = noisy ? rate * R(0.01) : 0
-    };
+    return (saga_fit_rates){ .feature = rate * feature_rate(f),
+                             .prim = rate * R(0.0001),
+                             .entropy = noisy ? rate * R(0.004) : 0,
+                             .networks = learns ? rate * R(0.0016) : 0,
+                             .steps = noisy ? rate * R(0.01) : 0 };
 }

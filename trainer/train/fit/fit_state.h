@@ -9,10 +9,10 @@
 
 /* The state of the optimisers. */
 typedef struct saga_descent {
-    real *m, *v;                 /* Adam's moments (n_reals); those of features
-                                  * are along their axes */
-    real *covariance, *axes;     /* (coarse, F, F): of each anchor's feature
-                                  * gradients, and its eigenvectors */
+    real *m, *v;             /* Adam's moments (n_reals); those of features
+                              * are along their axes */
+    real *covariance, *axes; /* (coarse, F, F): of each anchor's feature
+                              * gradients, and its eigenvectors */
 } saga_descent;
 
 struct saga_fit {
@@ -22,20 +22,20 @@ struct saga_fit {
     const saga_pictures *pictures;
     saga_fit_options o;
     int iteration;
-    real *feature;               /* (coarse, F) features with noise, or
-                                  * rounded */
-    real *position;              /* (prim, 4) positions with noise, or rounded;
-                                  * used.prim_x points here */
+    real *feature;  /* (coarse, F) features with noise, or
+                     * rounded */
+    real *position; /* (prim, 4) positions with noise, or rounded;
+                     * used.prim_x points here */
     saga_descent descent;
-    saga_scene used;             /* the scene that the twin runs: a view of
-                                  * *scene, except that its networks are params
-                                  * and its positions are position */
-    real *params;                /* weights with noise, or rounded */
-    saga_weights weights;        /* steps of the weights */
+    saga_scene used;      /* the scene that the twin runs: a view of
+                           * *scene, except that its networks are params
+                           * and its positions are position */
+    real *params;         /* weights with noise, or rounded */
+    saga_weights weights; /* steps of the weights */
     saga_canvas canvas;
     saga_rate rate;
-    double bits[SAGA_N_STEPS];   /* bits of each kind of step, at the last
-                                  * iteration */
+    double bits[SAGA_N_STEPS]; /* bits of each kind of step, at the last
+                                * iteration */
 };
 
 /* Returns the quantisation step of the coarse features, in units of a

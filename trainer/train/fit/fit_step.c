@@ -31,8 +31,8 @@ static void keep_parameters(saga_fit *f, double factor, double old_unit)
     const saga_net *const net = &f->scene->net[SAGA_NET_E_COARSE];
     const int last = net->n_layers - 1;
     const size_t in = (size_t)net->dim[last], n = 4u + m->features;
-    const real units = R(old_unit / (double)saga_rate_mu_unit(
-        m, SAGA_KIND_COARSE, 4));
+    const real units = R(old_unit /
+                         (double)saga_rate_mu_unit(m, SAGA_KIND_COARSE, 4));
 
     /* Rows 0..n-1 give mu, rows n..2n-1 log2 sigma. Channels 0..3 are the
      * centre, whose step stays the same. */
@@ -54,8 +54,8 @@ void saga_fit_scale_step(saga_fit *f, double factor)
 
     /* The step becomes a whole number of units, and `factor` the actual
      * ratio. */
-    set_step(f, (uint32_t)fmin(fmax(rint(old * factor), LEAST_STEP),
-                               MOST_STEP));
+    set_step(f,
+             (uint32_t)fmin(fmax(rint(old * factor), LEAST_STEP), MOST_STEP));
     factor = step_of(f) / old;
     keep_parameters(f, factor, unit);
     /* Rounding costs step^2 / 12, and one bit more halves the step. A bit is

@@ -95,8 +95,9 @@ static int n_rounded(const saga_fit *f, int done)
     /* Layers are spread evenly over `span`, the first at once; each has two
      * tensors, weights and biases. */
     return done < first || f->o.raw_networks ? 0
-         : done - first >= span ? 2 * layers
-         : 2 * (1 + (int)((int64_t)(done - first) * layers / span));
+           : done - first >= span
+               ? 2 * layers
+               : 2 * (1 + (int)((int64_t)(done - first) * layers / span));
 }
 
 size_t saga_fit_n_still(const saga_fit *f)
@@ -105,8 +106,9 @@ size_t saga_fit_n_still(const saga_fit *f)
 
     /* Tensors are in the order of params, so the frozen part ends where the
      * first tensor that learns begins. */
-    return n == 0 ? 0 : n == f->weights.n ? saga_fit_n_params(f->scene)
-         : f->weights.tensor[n].at;
+    return n == 0              ? 0
+           : n == f->weights.n ? saga_fit_n_params(f->scene)
+                               : f->weights.tensor[n].at;
 }
 
 /* Returns the input for rounding the layer of tensor t: the activations that it
@@ -121,7 +123,8 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
         .x = l->layer ? b->work.hidden[l->layer - 1] : b->in,
         .points = saga_twin_rows(&f->twin, l->net),
         .stride = l->layer ? saga_dense_pad(l->cols) : l->cols,
-        .n_in = l->cols, .n_out = l->rows,
+        .n_in = l->cols,
+        .n_out = l->rows,
         .step = saga_weights_step(&f->weights, t),
         .bias_step = saga_weights_step(&f->weights, t + 1),
         .most = l->int8 ? INT8_MOST : 0
@@ -176,8 +179,8 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
     /* The seed is derived from the iteration, so a checkpoint needs no state of
      * it. */
     saga_weights_noise(f->params, f->scene->params, &f->weights, now,
-                       NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
-                                   STREAM_WEIGHTS);
+                       NOISE_PART,
+                       f->o.seed ^ ((uint64_t)done << 20) ^ STREAM_WEIGHTS);
     return true;
 }
 

@@ -22,7 +22,8 @@ static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
                       const saga_layers_terms *t, saga_sample picture,
                       saga_error *error)
 {
-    const saga_shot *const v = &t->pictures->capture->views[picture.view];
+    const saga_source_view *const v =
+        &t->pictures->capture->views[picture.view];
     const size_t n = 3 * (size_t)v->width * (size_t)v->height;
     saga_splat_stats stats = { NULL, light, NULL };
 
@@ -41,7 +42,7 @@ static bool measure_light(real *light, const saga_layers_terms *t,
                           saga_error *error)
 {
     const saga_capture *const capture = t->pictures->capture;
-    saga_splat_params d;             /* gradients, which nobody reads */
+    saga_splat_params d; /* gradients, which nobody reads */
     saga_canvas c;
     bool ok = saga_params_gather(&d, &t->flat, NULL, t->n, error);
 
@@ -53,7 +54,8 @@ static bool measure_light(real *light, const saga_layers_terms *t,
         /* The loop ends when the view has no further sample, and skips held-out
          * views. */
         for (i = 0; ok && !capture->views[v].held_out &&
-                    (frame = saga_capture_sample(capture, v, i)) >= 0; i++)
+                    (frame = saga_capture_sample(capture, v, i)) >= 0;
+             i++)
             ok = add_light(light, &d, &c, t, (saga_sample){ v, frame, 0 },
                            error);
     }
@@ -115,7 +117,7 @@ static uint32_t n_first(uint32_t n, uint32_t k, uint32_t n_layers)
 /* A layer, and the index in the pool of each of its primitives. */
 typedef struct {
     saga_scene scene;
-    uint32_t *source;                /* (n.prim) */
+    uint32_t *source; /* (n.prim) */
 } built;
 
 /* Returns a layer's share of a budget, rounded up. */
@@ -127,8 +129,7 @@ static uint32_t part_of(uint32_t budget, uint32_t n, uint32_t all)
 /* Builds a layer of the pool's primitives index[0..n). */
 static bool build_one(built *b, const uint32_t *index, uint32_t n,
                       const saga_hierarchy_pool *pool,
-                      const saga_hierarchy_options *options,
-                      saga_error *error)
+                      const saga_hierarchy_options *options, saga_error *error)
 {
     saga_hierarchy_options o = *options;
     float *const score = saga_alloc(n, sizeof *score, what, error);
@@ -226,8 +227,7 @@ static bool merge(saga_scene *s, uint32_t *source, const built *b,
         s->layer[k] = (saga_scene_layer){ at.n, one->n, at.n_nodes,
                                           one->n_nodes };
         copy_layer(s, &s->layer[k], one);
-        memcpy(source + at.n.prim, b[k].source,
-               one->n.prim * sizeof *source);
+        memcpy(source + at.n.prim, b[k].source, one->n.prim * sizeof *source);
         add(&at, one);
     }
     return true;
@@ -253,8 +253,8 @@ static bool build_all(saga_scene *s, uint32_t *source, uint32_t *index,
 
         /* Layer k has the next brightest primitives. */
         ok = build_one(&b[k], index + first,
-                       n_first(n, k + 1, n_layers) - first, j->pool,
-                       j->options, error);
+                       n_first(n, k + 1, n_layers) - first, j->pool, j->options,
+                       error);
     }
     ok = ok && merge(s, source, b, n_layers, j->options, error);
     for (k = 0; k < n_layers; k++) {

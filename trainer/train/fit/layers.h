@@ -11,11 +11,11 @@
 #include "splat.h"
 
 typedef struct saga_layers_terms {
-    uint32_t n_layers;           /* 1..SAGA_MAX_LAYERS */
+    uint32_t n_layers; /* 1..SAGA_MAX_LAYERS */
     const saga_pictures *pictures;
-    saga_splat_params flat;      /* the warm-up's n primitives, which are sorted
-                                  * by the light that they add to the
-                                  * pictures */
+    saga_splat_params flat; /* the warm-up's n primitives, which are sorted
+                             * by the light that they add to the
+                             * pictures */
     uint32_t n;
 } saga_layers_terms;
 

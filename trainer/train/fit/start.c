@@ -81,7 +81,7 @@ static bool add_picture(saga_start *x, saga_fit *f, saga_rng r, uint64_t number,
          * attribute is g = sum_p s_p J_p. The signs are independent, hence the
          * mean of g^2 is sum_p J_p^2. */
         c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
-                                                                     : R(-1);
+                                                                       : R(-1);
     saga_twin_clear(&f->twin, f->scene);
     if (!saga_splat_backward(&f->twin.d_attr, NULL, c, x->target, error))
         return false;
@@ -157,9 +157,11 @@ static void choose_supports(saga_start *x, const saga_scene *s)
             double most = half / 10;
 
             for (size_t p = 0; p < s->fine[i].n_prim; p++)
-                most = fmax(most, fabs((double)(
-                    s->prim_x[4 * (s->fine[i].first_prim + p) + k] -
-                    s->fine_x[4 * (size_t)i + k])));
+                most = fmax(
+                    most,
+                    fabs((
+                        double)(s->prim_x[4 * (s->fine[i].first_prim + p) + k] -
+                                s->fine_x[4 * (size_t)i + k])));
             /* Averaging logarithms keeps a few wide anchors from dominating. */
             x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
         }
@@ -178,8 +180,7 @@ static void want(saga_start *x, const saga_fit *f)
         for (int a = 0; a < SAGA_N_ATTRS; a++)
             for (size_t k = 0; k < x->width[a]; k++, at++) {
                 const real *const from = x->target->of[a];
-                const double v =
-                    from ? (double)from[i * stride_of(a) + k] : 0;
+                const double v = from ? (double)from[i * stride_of(a) + k] : 0;
                 double unit;
 
                 x->wanted[at] = output_of(&unit, v, a, k, cell, x);
@@ -224,8 +225,8 @@ static bool begin_twin(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
 
-    memcpy(f->feature, s->coarse_feature, (size_t)s->n.coarse *
-           s->model.features * sizeof *f->feature);
+    memcpy(f->feature, s->coarse_feature,
+           (size_t)s->n.coarse * s->model.features * sizeof *f->feature);
     memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
     memcpy(f->params, s->params, saga_fit_n_params(s) * sizeof *f->params);
     if (!saga_twin_refresh(&f->twin, &f->used, f->feature, error))
@@ -249,8 +250,7 @@ static void make_networks(saga_start *x, saga_fit *f)
 /* Sets all features to their mean, and the twin accordingly. */
 static bool begin_features(saga_fit *f, saga_error *error)
 {
-    const real *const mean =
-        f->rate.constants.mean[SAGA_KIND_COARSE] + 4;
+    const real *const mean = f->rate.constants.mean[SAGA_KIND_COARSE] + 4;
     const size_t n = f->scene->model.features;
 
     for (size_t i = 0; i < n * f->scene->n.coarse; i++)
@@ -276,8 +276,9 @@ static void pull(const saga_start *x, saga_fit *f)
                 const size_t at = i * stride_of(a) + k, axis = 3 * i + k % 3;
                 const real *const wants = x->target->of[a];
                 const real unit = moves ? has->support[axis] : 1;
-                const real e = 2 * (real)*w * (has->of[a][at] * unit -
-                                               (wants ? wants[at] : 0));
+                const real e = 2 * (real)*w *
+                               (has->of[a][at] * unit -
+                                (wants ? wants[at] : 0));
 
                 d->of[a][at] += e * unit;
                 if (moves)
@@ -303,7 +304,8 @@ static void add_bits(saga_fit *f)
 
         for (size_t i = k; i < n * s->n.coarse; i += n)
             f->grad.coarse_feature[i] += price *
-                (s->coarse_feature[i] - c->mean[SAGA_KIND_COARSE][4 + k]);
+                                         (s->coarse_feature[i] -
+                                          c->mean[SAGA_KIND_COARSE][4 + k]);
     }
 }
 
@@ -315,11 +317,13 @@ static bool descend(saga_fit *f, int turn, saga_error *error)
     const size_t at = (size_t)(s->coarse_feature - s->reals);
     const double rate = FIRST_RATE * pow(LAST_RATE / FIRST_RATE,
                                          (double)turn / (N_STEPS - 1));
-    const saga_adam_tensor t = {
-        "coarse features", s->coarse_feature, f->grad.coarse_feature,
-        d->m + at, d->v + at, (size_t)s->n.coarse * s->model.features,
-        (real)rate
-    };
+    const saga_adam_tensor t = { "coarse features",
+                                 s->coarse_feature,
+                                 f->grad.coarse_feature,
+                                 d->m + at,
+                                 d->v + at,
+                                 (size_t)s->n.coarse * s->model.features,
+                                 (real)rate };
 
     return saga_adam_update(&adam, &t, 1, (uint64_t)turn + 1, error);
 }
@@ -352,9 +356,9 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
     }
     /* Features stay within their format. */
     for (size_t i = 0; i < n; i++)
-        f->scene->coarse_feature[i] =
-            saga_clamp(f->scene->coarse_feature[i], -(real)SAGA_MOST_FEATURE,
-                       (real)SAGA_MOST_FEATURE);
+        f->scene->coarse_feature[i] = saga_clamp(f->scene->coarse_feature[i],
+                                                 -(real)SAGA_MOST_FEATURE,
+                                                 (real)SAGA_MOST_FEATURE);
     /* The rendering starts with empty moments. */
     memset(f->descent.m, 0, f->scene->n_reals * sizeof *f->descent.m);
     memset(f->descent.v, 0, f->scene->n_reals * sizeof *f->descent.v);

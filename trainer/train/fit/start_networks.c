@@ -148,8 +148,8 @@ static void set_features(const saga_start *x, saga_fit *f)
             p += s->fine[s->coarse[i].first_fine + c].n_prim;
         for (c = first; c < p; c++)
             for (size_t k = 0; k < x->f; k++)
-                s->coarse_feature[i * n + k] +=
-                    (real)(x->code[c * x->f + k] / (p - first));
+                s->coarse_feature[i * n + k] += (real)(x->code[c * x->f + k] /
+                                                       (p - first));
     }
 }
 
@@ -158,8 +158,8 @@ static void set_features(const saga_start *x, saga_fit *f)
 static void set_corrections(saga_fit *f)
 {
     saga_net *const net = &f->scene->net[SAGA_NET_RES];
-    const size_t n = net->n_layers
-        ? (size_t)net->dim[1] * (size_t)net->dim[2] : 0;
+    const size_t n = net->n_layers ? (size_t)net->dim[1] * (size_t)net->dim[2]
+                                   : 0;
 
     for (size_t i = 0; i < n; i++)
         net->w[1][i] *= R(0.02);

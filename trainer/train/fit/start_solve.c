@@ -68,7 +68,10 @@ static void first_basis(saga_start *x)
             x->basis[k][j] = v[k][j] / w[k];
 }
 
-typedef struct { saga_start *x; const double *ridge; } coding;
+typedef struct {
+    saga_start *x;
+    const double *ridge;
+} coding;
 
 static void fit_code(const coding *c, size_t i)
 {
@@ -115,9 +118,10 @@ static void fit_codes(saga_start *x, const double *ridge)
 {
     coding c = { x, ridge };
 
-    saga_parallel(&(saga_tasks){
-        .run = code_part, .user = &c, .n = saga_n_parts(x->n, CODES),
-        .ns = (double)CODE_NS * (double)x->n });
+    saga_parallel(&(saga_tasks){ .run = code_part,
+                                 .user = &c,
+                                 .n = saga_n_parts(x->n, CODES),
+                                 .ns = (double)CODE_NS * (double)x->n });
 }
 
 /* Fits, with the features fixed, the basis and the mean of every dimension. */
@@ -291,8 +295,7 @@ void saga_start_solve(saga_start *x, double price, double step)
     /* The final features have a prior with their own variance, PRIOR (price
      * step^2 / 12) f^2 / variance. */
     for (size_t k = 0; k < x->f; k++)
-        ridge[k] = PRIOR * price /
-                   (12 / (step * step) * (ridge[k] + 1e-6));
+        ridge[k] = PRIOR * price / (12 / (step * step) * (ridge[k] + 1e-6));
     fit_codes(x, ridge);
     limit_codes(x);
 }

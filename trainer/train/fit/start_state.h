@@ -15,19 +15,19 @@
 
 typedef struct {
     saga_splat_params *target;
-    size_t n, d, f;              /* number of primitives, of dimensions of their
-                                  * attributes, and of features in use: at most
-                                  * d, and further ones of the model stay 0 */
-    size_t width[SAGA_N_ATTRS];  /* dimensions of each attribute; 0: the model
-                                  * lacks it, or no network output gives it */
-    size_t at[SAGA_N_ATTRS];     /* index of the first dimension of each */
-    double *wanted, *weight;     /* (n, d) values that the networks should give,
-                                  * and the weights of their squared errors */
-    double *code;                /* (n, f) the features of each primitive */
-    saga_matrix basis;           /* (d, f) */
+    size_t n, d, f;             /* number of primitives, of dimensions of their
+                                 * attributes, and of features in use: at most
+                                 * d, and further ones of the model stay 0 */
+    size_t width[SAGA_N_ATTRS]; /* dimensions of each attribute; 0: the model
+                                 * lacks it, or no network output gives it */
+    size_t at[SAGA_N_ATTRS];    /* index of the first dimension of each */
+    double *wanted, *weight;    /* (n, d) values that the networks should give,
+                                 * and the weights of their squared errors */
+    double *code;               /* (n, f) the features of each primitive */
+    saga_matrix basis;          /* (d, f) */
     double mean[SAGA_LINEAR_MOST];
-    double log2_support[4];      /* the same for all fine anchors, relative to
-                                  * the cell */
+    double log2_support[4]; /* the same for all fine anchors, relative to
+                             * the cell */
 } saga_start;
 
 /* start_solve.c: finds the basis, the mean and the features that reproduce the

@@ -145,17 +145,19 @@ static bool close_layer(saga_symbols *y, const saga_encoder *e,
     const size_t prim = 4 * (size_t)l->first.prim;
     /* Offsets are given besides the positions: the offsets are coded, and the
      * positions follow from them. */
-    const saga_targets t = {
-        u->coarse + coarse, s->coarse_feature + features * l->first.coarse,
-        u->fine + fine, u->prim + prim, p->twin->prim_offset + prim, NULL
-    };
+    const saga_targets t = { u->coarse + coarse,
+                             s->coarse_feature + features * l->first.coarse,
+                             u->fine + fine,
+                             u->prim + prim,
+                             p->twin->prim_offset + prim,
+                             NULL };
     /* Decoded values are written after everything is coded, so anchors may use
      * the same arrays. The primitives of an anchor get sorted by suffix and
      * need arrays of their own. */
-    const saga_decoded d = {
-        u->coarse + coarse, u->fine + fine, u->prim_out + prim,
-        u->feature + features * l->first.coarse, u->order + l->first.prim
-    };
+    const saga_decoded d = { u->coarse + coarse, u->fine + fine,
+                             u->prim_out + prim,
+                             u->feature + features * l->first.coarse,
+                             u->order + l->first.prim };
     saga_quantise_report own;
     const bool ok = saga_quantise_segment(y, &own, e, &t, &d, error);
 
@@ -203,9 +205,8 @@ static void keep_constants(saga_rate_constants *c, const saga_model *m)
 
             /* pack_entropy writes these integers. */
             *mean = (real)ldexp(rint(ldexp((double)*mean, q)), -q);
-            *sigma = (real)ldexp(rint(ldexp((double)*sigma,
-                                             SAGA_COST_SIGMA_Q)),
-                                  -SAGA_COST_SIGMA_Q);
+            *sigma = (real)ldexp(rint(ldexp((double)*sigma, SAGA_COST_SIGMA_Q)),
+                                 -SAGA_COST_SIGMA_Q);
         }
 }
 
@@ -217,7 +218,7 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     saga_scene *const networks = &file->networks.scene;
     saga_nets shapes;
     const saga_packing p = { &h.model, in->choice, in->twin, in->weights,
-                        networks, &shapes, in->room };
+                             networks, &shapes,    in->room };
     saga_net_symbols nets;
 
     h.model = in->choice->scene.model;
@@ -243,14 +244,14 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
 /* Makes the symbols of all layers. The caller frees them by free_layers, even
  * after a failure. */
 static bool make_symbols(saga_symbols y[SAGA_MAX_LAYERS],
-                         const saga_packed *file,
-                         saga_quantise_report *report, saga_scene *decoded,
-                         const saga_pack_input *in, saga_error *error)
+                         const saga_packed *file, saga_quantise_report *report,
+                         saga_scene *decoded, const saga_pack_input *in,
+                         saga_error *error)
 {
     const saga_scene *const networks = &file->networks.scene;
     const saga_scene *const s = &in->choice->scene;
     const saga_packing p = { &networks->model, in->choice, in->twin, NULL,
-                        decoded, NULL, 1 };
+                             decoded,          NULL,       1 };
     bool ok = !decoded || begin_decoded(decoded, s, networks, error);
 
     memset(y, 0, SAGA_MAX_LAYERS * sizeof *y);
@@ -270,9 +271,9 @@ bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
                        const saga_pack_input *in, saga_error *error)
 {
     saga_symbols y[SAGA_MAX_LAYERS];
-    const bool ok =
-        make_symbols(y, file, report, decoded, in, error) &&
-        saga_encoder_insert(file->encoder, place, y, n_frames, error);
+    const bool ok = make_symbols(y, file, report, decoded, in, error) &&
+                    saga_encoder_insert(file->encoder, place, y, n_frames,
+                                        error);
 
     free_layers(y);
     return ok;

@@ -200,7 +200,8 @@ void saga_pack_entropy_formats(saga_model *m, const saga_rate_choice *c)
     m->q_in[SAGA_NET_WRITE] = saga_pack_q(
         fmax(most_taken(c, SAGA_NET_WRITE),
              fmax(most_given(c, SAGA_NET_SLOT),
-                  most_given(c, SAGA_NET_WRITE_BASE))), 12);
+                  most_given(c, SAGA_NET_WRITE_BASE))),
+        12);
     m->out_q[SAGA_OUT_HYPER] = saga_pack_q(most_given(c, SAGA_NET_HYPER), 12);
     m->out_q[SAGA_OUT_SIGMA] = SAGA_COST_SIGMA_Q;
 }
@@ -217,15 +218,16 @@ static void out_formats(saga_model *m, const saga_pack_input *in)
     saga_model_rows(rows, m);
     for (out = SAGA_OUT_FUSE_C; out < SAGA_N_OUTS; out++) {
         const saga_rows *const r = &rows[out];
-        const bool moves = out >= SAGA_OUT_MOTION1 &&
-                           out <= SAGA_OUT_MOTION3;
+        const bool moves = out >= SAGA_OUT_MOTION1 && out <= SAGA_OUT_MOTION3;
 
         /* most_q is the finest format that its reader can use. */
         if (r->n)
-            m->out_q[out] = (uint8_t)fx_max(saga_pack_q(
-                (out == SAGA_OUT_QUAT ? 1 : 0) + in->room *
-                saga_pack_most_out(s, in->twin, r->net, r->first, r->n),
-                r->most_q),
+            m->out_q[out] = (uint8_t)fx_max(
+                saga_pack_q((out == SAGA_OUT_QUAT ? 1 : 0) +
+                                in->room * saga_pack_most_out(s, in->twin,
+                                                              r->net, r->first,
+                                                              r->n),
+                            r->most_q),
                 moves ? SAGA_TWIN_MOTION_Q : 0);
     }
 }
@@ -244,16 +246,18 @@ void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
     q[SAGA_OUT_COARSE] = s->model.out_q[SAGA_OUT_COARSE];
     saga_pack_entropy_formats(m, in->choice);
     out_formats(m, in);
-    m->q_in[SAGA_NET_COLOUR] = saga_pack_q(in->room *
-        saga_pack_most_before_colour(s, in->twin, 0,
-                                     m->width[SAGA_NET_COLOUR]), 14);
+    m->q_in[SAGA_NET_COLOUR] = saga_pack_q(
+        in->room * saga_pack_most_before_colour(s, in->twin, 0,
+                                                m->width[SAGA_NET_COLOUR]),
+        14);
     /* The formats of inputs must hold the measured values, too. */
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
     m->q_in[SAGA_NET_FUSE_C] = saga_pack_q(
         in->room * most_feature(s, in->feature), SAGA_EMBEDDING_Q);
     /* A network that reads another network's output takes it in that format. */
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
-        ? q[SAGA_OUT_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
+                                 ? q[SAGA_OUT_FUSE_C]
+                                 : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = q[SAGA_OUT_FINE];
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
         (uint8_t)saga_fused_q(m, SAGA_TIER_FINE);

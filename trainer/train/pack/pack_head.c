@@ -35,11 +35,12 @@ static void set_rate(saga_header *h, double fps)
 
     /* Whole rates are exact. So are 24000 / 1001 and the like, which a capture
      * may have rounded to 23.976. */
-    h->fps_den = fabs(fps - rint(fps)) < 1e-6 ? 1
-                : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
-    h->fps_num = (uint32_t)fmax(1, h->fps_den == 1 ? rint(fps)
-                                : h->fps_den == 1001 ? 1000 * rint(ntsc)
-                                : rint(1000 * fps));
+    h->fps_den = fabs(fps - rint(fps)) < 1e-6     ? 1
+                 : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001
+                                                  : 1000;
+    h->fps_num = (uint32_t)fmax(1, h->fps_den == 1      ? rint(fps)
+                                   : h->fps_den == 1001 ? 1000 * rint(ntsc)
+                                                        : rint(1000 * fps));
 }
 
 static void set_header(saga_header *h, const saga_pictures *p, int level)
@@ -99,11 +100,10 @@ static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
         for (int k = 0; k < 3; k++)
             /* The rig has the background colour with which the pictures were
              * trained. */
-            c.background_q15[k] = (uint16_t)lrint(
-                32768 * (p->background[k] / 255.0));
-        if (!saga_camera_of_shot(&c, &m, &p->capture->views[i],
-                                 saga_pictures_near(p, (int)i),
-                                 error)) {
+            c.background_q15[k] = (uint16_t)lrint(32768 *
+                                                  (p->background[k] / 255.0));
+        if (!saga_camera_of_source_view(&c, &m, &p->capture->views[i],
+                                        saga_pictures_near(p, (int)i), error)) {
             free(rig);
             return NULL;
         }
@@ -142,8 +142,7 @@ static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
 }
 
 bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
-                    const saga_pictures *pictures, int level,
-                    saga_error *error)
+                    const saga_pictures *pictures, int level, saga_error *error)
 {
     saga_header h;
     saga_rig_camera *rig;

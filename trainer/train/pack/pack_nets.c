@@ -16,16 +16,15 @@ static const char symbols_of_nets[] = "symbols of the networks";
 
 /* Sets the Q format of each row of a network's last layer. Means from the
  * trainer's entropy networks have formats of their own. */
-static void output_formats(uint8_t *q, const saga_model *m, int net,
-                           uint32_t n)
+static void output_formats(uint8_t *q, const saga_model *m, int net, uint32_t n)
 {
     const int kind = net - SAGA_NET_E_COARSE;
     uint32_t i;
 
     for (i = 0; i < n; i++)
         q[i] = (uint8_t)(kind >= 0 && kind < SAGA_N_KINDS && i < n / 2
-                         ? saga_rate_mu_q(m, kind, i)
-                         : saga_output_q(m, net, i));
+                             ? saga_rate_mu_q(m, kind, i)
+                             : saga_output_q(m, net, i));
 }
 
 /* Returns how many bits finer than q the values of a row, up to `most`, are
@@ -36,10 +35,12 @@ static uint8_t finer_by(const saga_packing *p, int net, double most, int q)
 {
     const int reader = net == SAGA_NET_COLOUR_BASE ? SAGA_NET_COLOUR : net;
     const int more = saga_pack_q(2 * p->room * most,
-                                 SAGA_EMBEDDING_Q + SAGA_N_FINER - 1) - q;
+                                 SAGA_EMBEDDING_Q + SAGA_N_FINER - 1) -
+                     q;
 
-    return p->model->int8[reader] ? 0
-         : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
+    return p->model->int8[reader]
+               ? 0
+               : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
 }
 
 /* Returns the largest value of row k of layer i. For the first layer of F_color
@@ -71,9 +72,10 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
     if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else
-        memset(q, saga_pack_q(
-                   p->room * saga_pack_most_hidden(p, net, i, 0, n),
-                   SAGA_EMBEDDING_Q), n);
+        memset(q,
+               saga_pack_q(p->room * saga_pack_most_hidden(p, net, i, 0, n),
+                           SAGA_EMBEDDING_Q),
+               n);
     common = q[0];
     /* Then rows with small values get additional bits. */
     for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
@@ -134,8 +136,8 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const saga_packing *p,
     saga_layer_symbols *const l = &out->layer[net][i];
     uint8_t q[SAGA_MAX_VECTOR];
     saga_layer_values v = {
-        f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, *q_in, q, NULL, 0, 0, 0,
-        p->model->int8[net], net, i
+        f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, *q_in, q, NULL, 0,
+        0,       0,       p->model->int8[net], net,   i
     };
 
     l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
@@ -169,9 +171,8 @@ static bool pack_net(saga_net_symbols *out, const saga_packing *p, int net,
 
 /* Packs a network without inputs, whose only parameters are its biases, one for
  * each row. */
-static bool pack_constants(saga_net_symbols *out, int net,
-                           const int32_t *value, uint32_t n,
-                           saga_error *error)
+static bool pack_constants(saga_net_symbols *out, int net, const int32_t *value,
+                           uint32_t n, saga_error *error)
 {
     saga_layer_symbols *const l = &out->layer[net][0];
 
@@ -201,10 +202,10 @@ static bool pack_entropy(saga_net_symbols *out, const saga_packing *p, int kind,
 
         /* They are ordered as a network's rows: first the means in the values'
          * formats, then log2 of the deviations. */
-        v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(p->model, kind,
-                                                            i)));
-        v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
-                                        SAGA_COST_SIGMA_Q));
+        v[i] = (int32_t)lrint(
+            ldexp(mean, saga_rate_value_q(p->model, kind, i)));
+        v[n + i] = (int32_t)lrint(
+            ldexp((double)c->log2_sigma[kind][i], SAGA_COST_SIGMA_Q));
     }
     return pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n, error);
 }
@@ -225,8 +226,8 @@ bool saga_pack_nets(saga_net_symbols *out, const saga_packing *p,
             (!p->steps && !saga_is_entropy_net(net)))
             continue;
         ok = kind >= 0 && kind < SAGA_N_KINDS && !p->model->sources[kind]
-            ? pack_entropy(out, p, kind, error)
-            : pack_net(out, p, net, error);
+                 ? pack_entropy(out, p, kind, error)
+                 : pack_net(out, p, net, error);
     }
     if (!ok)
         saga_net_symbols_free(out);

@@ -12,16 +12,16 @@ enum { SAGA_EMBEDDING_Q = 15 };
 
 /* The inputs that the packing of all networks and layers shares. */
 typedef struct {
-    const saga_model *model;     /* the model, with the measured formats */
+    const saga_model *model; /* the model, with the measured formats */
     const saga_rate_choice *choice;
     const saga_twin *twin;
-    const saga_weights *steps;   /* steps of the weights; NULL: only the entropy
-                                  * networks are packed */
-    saga_scene *decoded;         /* NULL, or a scene that is set to the decoded
-                                  * values: of the networks, or of everything
-                                  * else */
+    const saga_weights *steps; /* steps of the weights; NULL: only the entropy
+                                * networks are packed */
+    saga_scene *decoded;       /* NULL, or a scene that is set to the decoded
+                                * values: of the networks, or of everything
+                                * else */
     const saga_nets *shapes;
-    double room;                 /* as saga_pack_input.room */
+    double room; /* as saga_pack_input.room */
 } saga_packing;
 
 /* pack_formats.c: returns the finest Q format, at most `limit`, in which values

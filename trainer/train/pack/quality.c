@@ -90,7 +90,8 @@ bool saga_quality_draw(float *image, const saga_pictures *pictures,
                        const saga_scene *scene, saga_twin *twin,
                        saga_sample picture, saga_error *error)
 {
-    const saga_shot *const view = &pictures->capture->views[picture.view];
+    const saga_source_view *const view =
+        &pictures->capture->views[picture.view];
     painter p = { .pictures = pictures, .scene = scene, .twin = twin };
     const bool ok = saga_pictures_canvas(&p.canvas, pictures, error) &&
                     draw(&p, picture, error);

@@ -12,8 +12,8 @@
 /* Mean PSNR over a sample of the pictures: at most about 60 of each set in a
  * segment, evenly spread. */
 typedef struct saga_quality {
-    double training, held_out;   /* mean PSNR in dB of training and held-out
-                                  * views; NaN: there is no such picture */
+    double training, held_out; /* mean PSNR in dB of training and held-out
+                                * views; NaN: there is no such picture */
     int n_training, n_held_out;
 } saga_quality;
 
@@ -27,8 +27,7 @@ saga_quality saga_quality_of(const double sum[2], const int n[2]);
 
 /* Adds the sample of a segment's capture to the means in *q. */
 bool saga_quality_add(saga_quality *q, const saga_capture *capture,
-                      saga_quality_fn *psnr_of, void *user,
-                      saga_error *error);
+                      saga_quality_fn *psnr_of, void *user, saga_error *error);
 
 /* Adds the pictures of a scene, drawn by its twin, whose geometry is computed
  * already. */

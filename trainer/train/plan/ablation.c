@@ -12,7 +12,7 @@
 
 static const struct {
     const char *name;
-    size_t offset;               /* offset of the member in saga_ablation */
+    size_t offset; /* offset of the member in saga_ablation */
     long most;
 } words[] = { SAGA_ABLATION_WORDS(ROW) };
 
@@ -20,8 +20,8 @@ enum { N_WORDS = sizeof words / sizeof *words };
 
 #define NAME(member, word, value, most, help) word ", "
 
-static const char remedy[] = "the valid words are " SAGA_ABLATION_WORDS(NAME)
-    "see `saga help encode --all`";
+static const char remedy[] = "the valid words are " SAGA_ABLATION_WORDS(
+    NAME) "see `saga help encode --all`";
 
 /* Reads a word of n characters. Returns false if it is unknown or its number is
  * out of range. */
@@ -53,7 +53,8 @@ static bool is_allowed(const saga_ablation *a, saga_error *error)
     if (a->slots & (a->slots - 1) || (a->slots && a->slots < SAGA_MIN_SLOTS))
         return saga_fail(error, NULL, remedy, "--ablate slots=%u", a->slots);
     return !a->no_bank || (!a->slots && !a->plain_update) ||
-           saga_fail(error, NULL, "leave it or them out", "--ablate no-bank "
+           saga_fail(error, NULL, "leave it or them out",
+                     "--ablate no-bank "
                      "excludes slots and plain-update");
 }
 
@@ -64,8 +65,10 @@ bool saga_ablation_read(saga_ablation *a, const char *list, saga_error *error)
         const size_t n = strcspn(list, ",");
 
         if (!read_word(a, list, n))
-            return saga_fail(error, NULL, remedy, "--ablate does not know "
-                             "'%.*s'", (int)n, list);
+            return saga_fail(error, NULL, remedy,
+                             "--ablate does not know "
+                             "'%.*s'",
+                             (int)n, list);
         list = list[n] ? list + n + 1 : NULL;
     }
     return is_allowed(a, error);

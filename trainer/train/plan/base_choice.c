@@ -60,9 +60,9 @@ static double change_of_place(const saga_splat_params *p, size_t i, real t)
     for (size_t k = 0; k < 3; k++) {
         const real *const b = p->motion + 9 * i + k;
         /* The motion is ((b3 age + b2) age + b1) age. */
-        const double d =
-            (double)(((b[6] * now + b[3]) * now + b[0]) * now) -
-            (double)(((b[6] * middle + b[3]) * middle + b[0]) * middle);
+        const double d = (double)(((b[6] * now + b[3]) * now + b[0]) * now) -
+                         (double)(((b[6] * middle + b[3]) * middle + b[0]) *
+                                  middle);
 
         sum += d * d;
         longest = fmax(longest, (double)p->log2_scale[3 * i + k]);
@@ -87,7 +87,8 @@ static double change_of_angle(const saga_splat_params *p, size_t i)
     }
     /* slope is per unit of age; ageing / 2 is the age of half a segment. */
     return length > 0
-        ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2 : 0;
+               ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2
+               : 0;
 }
 
 bool saga_plan_is_long(const saga_splat_params *p, size_t i)
@@ -97,18 +98,18 @@ bool saga_plan_is_long(const saga_splat_params *p, size_t i)
 
 static bool is_still(const saga_splat_params *p, size_t i)
 {
-    return !p->log2_width ||
-           (saga_plan_is_long(p, i) &&
-            change_of_place(p, i, 0) < LEAST_MOTION &&
-            change_of_place(p, i, 1) < LEAST_MOTION &&
-            change_of_angle(p, i) < LEAST_MOTION);
+    return !p->log2_width || (saga_plan_is_long(p, i) &&
+                              change_of_place(p, i, 0) < LEAST_MOTION &&
+                              change_of_place(p, i, 1) < LEAST_MOTION &&
+                              change_of_angle(p, i) < LEAST_MOTION);
 }
 
 saga_train_no_base saga_plan_no_base(const saga_base_question *q)
 {
     return q->options->n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
-         : q->ablation->no_base ? SAGA_TRAIN_ABLATED
-         : q->wanders ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
+           : q->ablation->no_base     ? SAGA_TRAIN_ABLATED
+           : q->wanders               ? SAGA_TRAIN_WANDERS
+                                      : SAGA_TRAIN_HAS_BASE;
 }
 
 /* Returns the factor by which the number of primitives may grow if they are
@@ -136,9 +137,10 @@ static double filling(const saga_base_question *q, double base, double kept)
 
     /* x is the number of primitives in the file without a base, over that with
      * one. */
-    return o->n_bytes == 0 ? 1
-         : fmin(pow(n * o->n_primitives / (base + n * kept), MORE_POWER),
-                q->room / (base + kept));
+    return o->n_bytes == 0
+               ? 1
+               : fmin(pow(n * o->n_primitives / (base + n * kept), MORE_POWER),
+                      q->room / (base + kept));
 }
 
 void saga_plan_base(saga_train_base *b, const saga_base_question *q)

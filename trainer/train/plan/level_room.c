@@ -14,11 +14,14 @@
 static bool accepted(const saga_model *m, const saga_counts *n, int level,
                      int n_layers)
 {
-    saga_header h = {
-        .level = (uint8_t)level, .fps_num = 1, .fps_den = 1, .n_segments = 1,
-        .n_frames = 1, .max = *n, .more_layers = (uint8_t)(n_layers - 1),
-        .model = *m
-    };
+    saga_header h = { .level = (uint8_t)level,
+                      .fps_num = 1,
+                      .fps_den = 1,
+                      .n_segments = 1,
+                      .n_frames = 1,
+                      .max = *n,
+                      .more_layers = (uint8_t)(n_layers - 1),
+                      .model = *m };
     uint8_t bytes[SAGA_HEADER_MAX_NBYTES + 4] = { 0 };
     saga_io io = { NULL, bytes, SAGA_MAGIC_NBYTES };
     saga_info info;
@@ -43,8 +46,8 @@ static bool fits(const saga_train_options *o, const saga_model *m, uint32_t n)
     const uint32_t parts = (1u << n_layers) - 1;
     /* Anchors are those of the largest layer, which is the last; layers.c
      * rounds its share up. */
-    const uint32_t last = (uint32_t)(((uint64_t)n * (parts / 2 + 1) +
-                                      parts - 1) / parts);
+    const uint32_t last =
+        (uint32_t)(((uint64_t)n * (parts / 2 + 1) + parts - 1) / parts);
     saga_train_options with = *o;
     saga_counts counts;
 
@@ -99,8 +102,8 @@ uint32_t saga_room_of_model(const saga_train_options *o, const saga_model *m,
     return most(o, NULL, 0, m, n);
 }
 
-uint32_t saga_room_of_tools(const saga_train_options *o,
-                            const saga_ablation *a, uint32_t tools, uint32_t n)
+uint32_t saga_room_of_tools(const saga_train_options *o, const saga_ablation *a,
+                            uint32_t tools, uint32_t n)
 {
     return most(o, a, tools, NULL, n);
 }
@@ -113,6 +116,7 @@ uint32_t saga_room_sure(const saga_train_options *o, uint32_t n)
     /* A list that cannot be read is an error later. */
     if (!saga_options_ablation(&a, o, &ignored))
         memset(&a, 0, sizeof a);
-    return saga_room_of_tools(o, &a, o->motion == SAGA_TRAIN_STILL
-                              ? SAGA_TOOL_VIEW : SAGA_TOOLS_PICTURE, n);
+    return saga_room_of_tools(
+        o, &a,
+        o->motion == SAGA_TRAIN_STILL ? SAGA_TOOL_VIEW : SAGA_TOOLS_PICTURE, n);
 }

@@ -17,9 +17,8 @@ uint32_t saga_room_of_model(const saga_train_options *o, const saga_model *m,
 
 /* Returns the same before the model is known: for the model that has the
  * picture's tools `tools`, and what else those options may lead to. */
-uint32_t saga_room_of_tools(const saga_train_options *o,
-                            const saga_ablation *a, uint32_t tools,
-                            uint32_t n);
+uint32_t saga_room_of_tools(const saga_train_options *o, const saga_ablation *a,
+                            uint32_t tools, uint32_t n);
 
 /* Returns the largest number, at most n, that is sure to fit, whatever tools
  * the training chooses. */

@@ -8,11 +8,14 @@
 
 #include <stdlib.h>
 
-#define CHANGE 8                 /* levels of 255 */
+#define CHANGE 8 /* levels of 255 */
 #define CHANGING_PART 1e-4
 #define EXPLAINED 0.1
-enum { N_VIEWS = 8, N_FRAMES = 8 }; /* the largest numbers of views and frames
-                                     * that are sampled */
+enum {
+    N_VIEWS = 8,
+    N_FRAMES = 8
+}; /* the largest numbers of views and frames
+    * that are sampled */
 
 /* Sums over the pixels that change. */
 typedef struct {
@@ -46,8 +49,7 @@ double saga_plan_change(const saga_capture *c)
 
     for (int v = 0; v < c->n_views; v++) {
         const size_t size = saga_view_frame_nbytes(&c->views[v]);
-        const uint8_t *const middle = saga_capture_frame(c, v,
-                                                         c->n_frames / 2);
+        const uint8_t *const middle = saga_capture_frame(c, v, c->n_frames / 2);
 
         for (int i = 0; i < n && !c->views[v].held_out; i++) {
             const uint8_t *const now = saga_capture_frame(
@@ -82,7 +84,7 @@ static void count_pixel(tally *sum, const uint8_t *now, const uint8_t *middle,
 static void count(tally *sum, const saga_capture *c, int view, int frame,
                   const real *drawn, const real *drawn_middle)
 {
-    const saga_shot *const v = &c->views[view];
+    const saga_source_view *const v = &c->views[view];
     const size_t n = (size_t)v->width * (size_t)v->height;
     const uint8_t *const now = saga_capture_frame(c, view, frame);
     const uint8_t *const middle = saga_capture_frame(c, view, c->n_frames / 2);

@@ -20,10 +20,10 @@
 #include "pictures.h"
 
 typedef struct saga_motion_found {
-    bool moves;                  /* the temporal tools are on */
-    double explained;            /* part of the change, by the rule above; NaN:
-                                  * it was not measured */
-    double changing;             /* part of the pixels that differ */
+    bool moves;       /* the temporal tools are on */
+    double explained; /* part of the change, by the rule above; NaN:
+                       * it was not measured */
+    double changing;  /* part of the pixels that differ */
 } saga_motion_found;
 
 /* Returns how much of a capture moves: the part of the pixels of training views

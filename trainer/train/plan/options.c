@@ -12,11 +12,13 @@
 
 saga_train_options saga_train_defaults(void)
 {
-    return (saga_train_options){
-        .n_segments = 1, .n_primitives = 5000, .n_iterations = 6000,
-        .level = 2, .seed = 1, .n_layers = 1,
-        .checkpoint_seconds = 300
-    };
+    return (saga_train_options){ .n_segments = 1,
+                                 .n_primitives = 5000,
+                                 .n_iterations = 6000,
+                                 .level = 2,
+                                 .seed = 1,
+                                 .n_layers = 1,
+                                 .checkpoint_seconds = 300 };
 }
 
 static bool check_counts(const saga_train_options *o, saga_error *error)
@@ -30,13 +32,16 @@ static bool check_counts(const saga_train_options *o, saga_error *error)
                          "--primitives %u is more than the %u of level %d",
                          o->n_primitives, caps->n_prim, o->level);
     if (o->n_primitives < (uint32_t)o->n_layers)
-        return saga_fail(error, NULL, "take fewer", "--layers %d are more than "
-                         "the %u primitives", o->n_layers, o->n_primitives);
+        return saga_fail(error, NULL, "take fewer",
+                         "--layers %d are more than "
+                         "the %u primitives",
+                         o->n_layers, o->n_primitives);
     if (o->n_coarse > caps->n_coarse || o->n_fine > caps->n_fine)
         return saga_fail(error, NULL, "take fewer, or a higher --level",
                          "%u coarse and %u fine anchors are more than the %u "
-                         "and %u of level %d", o->n_coarse, o->n_fine,
-                         caps->n_coarse, caps->n_fine, o->level);
+                         "and %u of level %d",
+                         o->n_coarse, o->n_fine, caps->n_coarse, caps->n_fine,
+                         o->level);
     return true;
 }
 
@@ -59,10 +64,11 @@ static bool check_iterations(const saga_train_options *o, saga_error *error)
     const bool split = o->n_warm || o->n_render;
 
     if (!(o->minutes >= 0 && o->minutes <= 1e5))
-        return saga_fail(error, NULL, "give minutes up to 100000",
-                         "--time %g", o->minutes);
-    return o->minutes > 0 || (split ? o->n_warm >= 1 && o->n_render >= 1
-                                    : o->n_iterations >= 2) ||
+        return saga_fail(error, NULL, "give minutes up to 100000", "--time %g",
+                         o->minutes);
+    return o->minutes > 0 ||
+           (split ? o->n_warm >= 1 && o->n_render >= 1
+                  : o->n_iterations >= 2) ||
            saga_fail(error, NULL, "each stage needs one at least",
                      "too few --iterations");
 }
@@ -83,9 +89,10 @@ bool saga_options_check(const saga_train_options *o, const saga_capture *c,
                          "%d frames are more than the 65535 of a segment",
                          c->n_frames);
     if (c->n_views > SAGA_MAX_CAMERAS)
-        return saga_fail(error, NULL, "leave some out", "%d cameras are more "
-                         "than the %d a file can name", c->n_views,
-                         SAGA_MAX_CAMERAS);
+        return saga_fail(error, NULL, "leave some out",
+                         "%d cameras are more "
+                         "than the %d a file can name",
+                         c->n_views, SAGA_MAX_CAMERAS);
     return check_iterations(o, error) && check_counts(o, error);
 }
 

@@ -17,10 +17,10 @@
 #include <stdint.h>
 
 typedef enum saga_train_motion {
-    SAGA_TRAIN_MEASURE,          /* decided by the rule of motion.h */
+    SAGA_TRAIN_MEASURE, /* decided by the rule of motion.h */
     SAGA_TRAIN_MOVING,
-    SAGA_TRAIN_STILL             /* for experiments: the model has no temporal
-                                  * tools */
+    SAGA_TRAIN_STILL /* for experiments: the model has no temporal
+                      * tools */
 } saga_train_motion;
 
 enum { SAGA_TRAIN_MOST_TEACHERS = 8 };
@@ -33,66 +33,66 @@ typedef struct saga_train_progress saga_train_progress;
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
 typedef struct saga_train_options {
-    int n_segments;              /* segments of the file, >= 1 */
-    int first;                   /* the segment that is trained first, whose
-                                  * training makes the networks */
-    const char *networks;        /* NULL, or the path of a file that
-                                  * saga_train_save_networks wrote; then segment
-                                  * `only` alone is trained, with the networks
-                                  * and with `first` from that file */
-    int only;                    /* the segment to train where networks is
-                                  * set */
-    uint32_t n_primitives;       /* primitives of a segment, 1 to the level's
-                                  * limit */
-    bool free_count;             /* n_primitives is a guess, and the warm-up
-                                  * ends with the number that suits
-                                  * lambda > 0 */
-    uint32_t n_coarse, n_fine;   /* most anchors of each tier; 0: derived from
-                                  * n_primitives */
-    int n_iterations;            /* iterations for all stages of a segment, >=
-                                  * 2 */
-    int n_warm, n_render;        /* iterations of the warm-up and of the
-                                  * rendering; 0, 0: by SAGA_WARM_PART */
-    double minutes;              /* time for all segments; > 0: n_iterations is
-                                  * what this machine does in a segment's share
-                                  * of it, which a short trial measures when
-                                  * training begins; a checkpoint keeps it */
+    int n_segments;            /* segments of the file, >= 1 */
+    int first;                 /* the segment that is trained first, whose
+                                * training makes the networks */
+    const char *networks;      /* NULL, or the path of a file that
+                                * saga_train_save_networks wrote; then segment
+                                * `only` alone is trained, with the networks
+                                * and with `first` from that file */
+    int only;                  /* the segment to train where networks is
+                                * set */
+    uint32_t n_primitives;     /* primitives of a segment, 1 to the level's
+                                * limit */
+    bool free_count;           /* n_primitives is a guess, and the warm-up
+                                * ends with the number that suits
+                                * lambda > 0 */
+    uint32_t n_coarse, n_fine; /* most anchors of each tier; 0: derived from
+                                * n_primitives */
+    int n_iterations;          /* iterations for all stages of a segment, >=
+                                * 2 */
+    int n_warm, n_render;      /* iterations of the warm-up and of the
+                                * rendering; 0, 0: by SAGA_WARM_PART */
+    double minutes;            /* time for all segments; > 0: n_iterations is
+                                * what this machine does in a segment's share
+                                * of it, which a short trial measures when
+                                * training begins; a checkpoint keeps it */
     const saga_splat_params *given; /* NULL, or n_primitives primitives of a
                                      * still, in the capture's units, that
                                      * replace the warm-up's; then lambda > 0 */
-    size_t n_bytes;              /* size of the whole file, met within 5 %; > 0:
-                                  * lambda is 0, and training adjusts the step
-                                  * while it renders; 0: no size was asked
-                                  * for */
-    double lambda;               /* bits per training pixel against distortion
-                                  * (policy.h); 0: derived from the warm-up's
-                                  * error and n_primitives */
-    int level;                   /* 0..3; a scene that needs more than the level
-                                  * allows is refused */
-    int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS teachers. They
-                                  * are trained before each warm-up, for half as
-                                  * many iterations; the warm-up learns from
-                                  * their mean picture between cameras that are
-                                  * far apart (rig/novel.h). No teachers are
-                                  * trained if no cameras are far apart */
-    int n_layers;                /* layers of each segment, 1..SAGA_MAX_LAYERS;
-                                  * each layer has twice the primitives of the
-                                  * previous one, and the first those that give
-                                  * most light. With several layers there is no
-                                  * memory bank, and all segments must be
-                                  * trained by one process */
-    bool paper;                  /* the paper's whole model, whatever its parts
-                                  * cost: shared anchors, interpolation, Fuse,
-                                  * residual hash and memory bank; not given:
-                                  * what pays on our scenes */
-    bool no_exposure;            /* the file has no exposures of the cameras;
-                                  * training evens them out all the same */
+    size_t n_bytes;   /* size of the whole file, met within 5 %; > 0:
+                       * lambda is 0, and training adjusts the step
+                       * while it renders; 0: no size was asked
+                       * for */
+    double lambda;    /* bits per training pixel against distortion
+                       * (policy.h); 0: derived from the warm-up's
+                       * error and n_primitives */
+    int level;        /* 0..3; a scene that needs more than the level
+                       * allows is refused */
+    int n_teachers;   /* 0..SAGA_TRAIN_MOST_TEACHERS teachers. They
+                       * are trained before each warm-up, for half as
+                       * many iterations; the warm-up learns from
+                       * their mean picture between cameras that are
+                       * far apart (rig/novel.h). No teachers are
+                       * trained if no cameras are far apart */
+    int n_layers;     /* layers of each segment, 1..SAGA_MAX_LAYERS;
+                       * each layer has twice the primitives of the
+                       * previous one, and the first those that give
+                       * most light. With several layers there is no
+                       * memory bank, and all segments must be
+                       * trained by one process */
+    bool paper;       /* the paper's whole model, whatever its parts
+                       * cost: shared anchors, interpolation, Fuse,
+                       * residual hash and memory bank; not given:
+                       * what pays on our scenes */
+    bool no_exposure; /* the file has no exposures of the cameras;
+                       * training evens them out all the same */
     uint64_t seed;
     saga_train_motion motion;
-    const char *ablate;          /* a list in the words of ablation.h, or
-                                  * NULL */
-    const char *checkpoint;      /* path of the checkpoint, or NULL: none */
-    double checkpoint_seconds;   /* seconds between two checkpoints, >= 0 */
+    const char *ablate;        /* a list in the words of ablation.h, or
+                                * NULL */
+    const char *checkpoint;    /* path of the checkpoint, or NULL: none */
+    double checkpoint_seconds; /* seconds between two checkpoints, >= 0 */
     saga_train_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_train_options;

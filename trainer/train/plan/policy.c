@@ -70,7 +70,9 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
         .prim_step = fmin(fmax(425 * sqrt(price * n_primitives), 1 / 64.0),
                           0.5),
         /* At a higher price of bits, fewer weights pay for themselves. */
-        .width = price < 7e-10 ? 64 : price < 3e-9 ? 48 : 32,
+        .width = price < 7e-10  ? 64
+                 : price < 3e-9 ? 48
+                                : 32,
         .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
         .bank_pays = n_primitives >= BANK_PAYS,
         .deep_pays = n_primitives >= DEEP_PAYS

@@ -17,25 +17,25 @@
 /* The training loss (fit.h) adds these prices to the squared error for each
  * bit. */
 typedef struct saga_prices {
-    double residual;             /* price of a bit of a residual, while
-                                  * training */
-    double start;                /* price of a bit of a residual, in the solve
-                                  * that starts the fit */
-    double weight;               /* price of a bit of a network's weight, while
-                                  * training */
+    double residual; /* price of a bit of a residual, while
+                      * training */
+    double start;    /* price of a bit of a residual, in the solve
+                      * that starts the fit */
+    double weight;   /* price of a bit of a network's weight, while
+                      * training */
 } saga_prices;
 
 typedef struct saga_policy {
     saga_prices price;
-    double prim_step;            /* step of a primitive's offset, in supports */
-    uint8_t width;               /* hidden units of the networks that make
-                                  * primitives of shared anchors, before the
-                                  * level's limit */
-    uint8_t entropy_width;       /* hidden units of the entropy networks */
-    bool bank_pays;              /* a memory bank may save more than its
-                                  * networks take */
-    bool deep_pays;              /* a hidden layer of F_geo may save more than
-                                  * it takes, where anchors are not shared */
+    double prim_step;      /* step of a primitive's offset, in supports */
+    uint8_t width;         /* hidden units of the networks that make
+                            * primitives of shared anchors, before the
+                            * level's limit */
+    uint8_t entropy_width; /* hidden units of the entropy networks */
+    bool bank_pays;        /* a memory bank may save more than its
+                            * networks take */
+    bool deep_pays;        /* a hidden layer of F_geo may save more than
+                            * it takes, where anchors are not shared */
 } saga_policy;
 
 /* Returns the policy for these sizes. lambda >= 0 is the price of bits per

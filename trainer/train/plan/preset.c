@@ -13,18 +13,32 @@
  * their primitives and iterations the others should take some 9 and 40. The
  * names stand only here; other code asks for a row of the table. */
 static const saga_preset presets[] = {
-    { .name = "fast", .primitives = 0.7, .iterations = 8000, .visits = 10,
-      .still_minutes = 0.35, .still_visits = 30, .better = "best",
+    { .name = "fast",
+      .primitives = 0.7,
+      .iterations = 8000,
+      .visits = 10,
+      .still_minutes = 0.35,
+      .still_visits = 30,
+      .better = "best",
       .plus = "all stages and tools; large pictures of a still capture are "
               "made smaller if the time is too short for all visits" },
-    { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
-      .still_visits = 25, .teachers = 2, .better = "best",
+    { .name = "balanced",
+      .primitives = 1,
+      .iterations = 20000,
+      .visits = 25,
+      .still_visits = 25,
+      .teachers = 2,
+      .better = "best",
       .plus = "the default: as fast, with 1.4 times the primitives and 2.5 "
               "times the visits; pictures of a still capture keep their "
               "size; two teachers, which are extra models that draw views "
               "between cameras, if cameras stand far apart" },
-    { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
-      .still_visits = 75, .teachers = 2,
+    { .name = "best",
+      .primitives = 1.4,
+      .iterations = 60000,
+      .visits = 75,
+      .still_visits = 75,
+      .teachers = 2,
       .plus = "as balanced, with 1.4 times the primitives and 3 times the "
               "visits" }
 };
@@ -104,8 +118,8 @@ int saga_plan_segments(const saga_capture *capture, int frames)
         const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
         const double longest = fmin(wanted, capture->n_fitting);
 
-        frames = (int)fmax(2, fmin(rint(fmax(longest, capture->fps)),
-                                   SAGA_PLAN_MOST_FRAMES));
+        frames = (int)fmax(
+            2, fmin(rint(fmax(longest, capture->fps)), SAGA_PLAN_MOST_FRAMES));
     }
     /* The number is rounded, so that segments of equal length come close to
      * `frames`, and limited, so that none has fewer than two. */
@@ -158,8 +172,8 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 
 /* Sums over the training views. */
 typedef struct {
-    double pixels;               /* pixels of all views at one moment */
-    double largest;              /* pixels of the largest view */
+    double pixels;  /* pixels of all views at one moment */
+    double largest; /* pixels of the largest view */
     double pictures;
     int n_views;
 } extent;
@@ -169,7 +183,7 @@ static extent extent_of(const saga_capture *c)
     extent e = { 0, 0, 0, 0 };
 
     for (int i = 0; i < c->n_views; i++) {
-        const saga_shot *const v = &c->views[i];
+        const saga_source_view *const v = &c->views[i];
 
         if (v->held_out)
             continue;
@@ -187,8 +201,8 @@ static extent extent_of(const saga_capture *c)
 /* Returns the number of primitives, within what the level has room for. */
 static uint32_t within_level(const saga_train_options *o, double n)
 {
-    return saga_room_sure(o, (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES),
-                                            UINT32_MAX));
+    return saga_room_sure(
+        o, (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES), UINT32_MAX));
 }
 
 /* Sets the number of primitives, and says so if the level is what limits it.
@@ -200,10 +214,11 @@ static bool limit(saga_train_options *o, saga_plan_reasons *why, double wanted)
     o->n_primitives = within_level(o, wanted);
     if (o->n_primitives >= rint(wanted))
         return false;
-    snprintf(why->primitives, sizeof why->primitives, "%u primitives: level "
+    snprintf(why->primitives, sizeof why->primitives,
+             "%u primitives: level "
              "%d has room for no more of the %.0f that suit the capture%s",
-             o->n_primitives, o->level, wanted, higher
-             ? "; a higher --level has" : "");
+             o->n_primitives, o->level, wanted,
+             higher ? "; a higher --level has" : "");
     why->wanted = wanted;
     return true;
 }
@@ -221,7 +236,8 @@ static void plan_primitives(saga_train_options *o, saga_plan_reasons *reasons,
     const size_t n = sizeof reasons->primitives;
     const extent e = extent_of(c);
     const double pixels = c->n_frames == 1 || c->moves
-        ? of_still(e.pixels, e.largest) : e.pixels;
+                              ? of_still(e.pixels, e.largest)
+                              : e.pixels;
     const double changing = saga_plan_change(c);
     const double seconds = saga_capture_seconds(c);
     int k;
@@ -229,20 +245,22 @@ static void plan_primitives(saga_train_options *o, saga_plan_reasons *reasons,
     /* If a file size is given, it alone determines the number of primitives,
      * which the segments share equally. */
     if (o->n_bytes) {
-        if (!limit(o, reasons, saga_plan_primitives_of_size(
-                                   (double)o->n_bytes) / o->n_segments))
+        if (!limit(o, reasons,
+                   saga_plan_primitives_of_size((double)o->n_bytes) /
+                       o->n_segments))
             snprintf(why, n, "%u primitives, chosen for the size",
                      o->n_primitives);
         return;
     }
-    if (limit(o, reasons, p->primitives *
-                          saga_plan_primitives(pixels, changing, seconds)))
+    if (limit(o, reasons,
+              p->primitives * saga_plan_primitives(pixels, changing, seconds)))
         return;
     /* k is the length of the sentence so far, if it was not cut. */
-    k = snprintf(why, n, "%u primitives: one for every %.0f of the %.0f pixels "
-                 "of %s views at a time", o->n_primitives,
-                 pixels / o->n_primitives, pixels, pixels < e.pixels
-                 ? "ten of the" : "all");
+    k = snprintf(why, n,
+                 "%u primitives: one for every %.0f of the %.0f pixels "
+                 "of %s views at a time",
+                 o->n_primitives, pixels / o->n_primitives, pixels,
+                 pixels < e.pixels ? "ten of the" : "all");
     if (c->n_frames > 1 && k > 0 && (size_t)k < n)
         snprintf(why + k, n - (size_t)k, ", of which %.0f %% change in %.1f s",
                  100 * changing, seconds);
@@ -255,8 +273,8 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
     /* CPU minutes of an iteration, for a picture of mean size. */
     const double each = saga_plan_minutes(o->n_primitives, 1,
                                           e.pixels / e.n_views);
-    const double visits =
-        e.pictures * (c->n_frames == 1 ? p->still_visits : p->visits);
+    const double visits = e.pictures *
+                          (c->n_frames == 1 ? p->still_visits : p->visits);
     double most = MOST_ITERATIONS;
 
     /* The least number of visits overrides the time limit: pictures with fewer
@@ -280,12 +298,15 @@ static double still_iterations(const saga_train_options *o,
     /* The number of primitives follows the smaller pictures, unless it or the
      * size was given. */
     if (o->n_primitives == 0)
-        n = within_level(o, o->n_bytes
-            ? saga_plan_primitives_of_size((double)o->n_bytes)
-            : p->primitives * saga_plan_primitives(part * of_still(
-                  c->learned_pixels, c->largest_pixels), 0, 0));
-    return p->still_minutes / saga_plan_minutes(
-        n, 1, part * c->learned_pixels / c->n_learned);
+        n = within_level(
+            o, o->n_bytes
+                   ? saga_plan_primitives_of_size((double)o->n_bytes)
+                   : p->primitives * saga_plan_primitives(
+                                         part * of_still(c->learned_pixels,
+                                                         c->largest_pixels),
+                                         0, 0));
+    return p->still_minutes /
+           saga_plan_minutes(n, 1, part * c->learned_pixels / c->n_learned);
 }
 
 int saga_plan_scale(const saga_train_options *o, const saga_capture *c,

@@ -12,22 +12,22 @@
  * table. Options that the user gave take precedence. */
 typedef struct saga_preset {
     const char *name;
-    double primitives;           /* factor on the rule's number of primitives;
-                                  * more of them show finer detail, and take
-                                  * bytes and time */
-    int iterations;              /* least iterations of all stages together */
-    int visits;                  /* least visits to each picture */
-    double still_minutes;        /* longest time for a still, by
-                                  * saga_plan_minutes; 0: no limit */
-    int still_visits;            /* least visits to each picture of a still,
-                                  * which override still_minutes */
-    int teachers;                /* teachers, where cameras are far apart
-                                  * (rig/novel.h); two of them take some 20 %
-                                  * more time, for a still 50 % */
-    const char *plus;            /* its advantage over the previous preset, for
-                                  * the help */
-    const char *better;          /* name of the preset to try if the result is
-                                  * not good enough; NULL: none */
+    double primitives;    /* factor on the rule's number of primitives;
+                           * more of them show finer detail, and take
+                           * bytes and time */
+    int iterations;       /* least iterations of all stages together */
+    int visits;           /* least visits to each picture */
+    double still_minutes; /* longest time for a still, by
+                           * saga_plan_minutes; 0: no limit */
+    int still_visits;     /* least visits to each picture of a still,
+                           * which override still_minutes */
+    int teachers;         /* teachers, where cameras are far apart
+                           * (rig/novel.h); two of them take some 20 %
+                           * more time, for a still 50 % */
+    const char *plus;     /* its advantage over the previous preset, for
+                           * the help */
+    const char *better;   /* name of the preset to try if the result is
+                           * not good enough; NULL: none */
 } saga_preset;
 
 /* Return a preset by its number, from the quickest on (NULL: past the last),
@@ -39,8 +39,8 @@ const saga_preset *saga_preset_called(const char *name);
  * open. */
 typedef struct saga_plan_reasons {
     char primitives[160], iterations[160];
-    double wanted;               /* primitives that suit the capture, if the
-                                  * level has no room for them; otherwise 0 */
+    double wanted; /* primitives that suit the capture, if the
+                    * level has no room for them; otherwise 0 */
 } saga_plan_reasons;
 
 /* A segment has at most this many frames. */

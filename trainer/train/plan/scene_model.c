@@ -21,8 +21,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o,
         l->neighbours = i == SAGA_TIER_COARSE && !o->paper ? 1 : 4;
         l->suffix_bits = 3;
         l->max_children = i ? 10 : 16;
-        l->radius2_q12 = 4 << 12;  /* rho = 2 */
-        l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
+        l->radius2_q12 = 4 << 12; /* rho = 2 */
+        l->softmax_q8 = 3000;     /* log2(e) / T, T = 1/8 */
         if (a->no_interpolation)
             l->neighbours = 1;
     }
@@ -61,14 +61,13 @@ static bool has_bank(const saga_ablation *a, const saga_policy *p,
 
 /* All kinds read the bank, until rate_choice.h decides which sources pay. Its
  * networks are narrow, because their weights are in the file. */
-static void set_bank(saga_model *m, const saga_ablation *a,
-                     uint32_t most_slots)
+static void set_bank(saga_model *m, const saga_ablation *a, uint32_t most_slots)
 {
     m->tools |= SAGA_TOOL_BANK;
     if (a->plain_update)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
     m->bank_slots = a->slots ? a->slots
-                               : (uint16_t)(most_slots < 64 ? most_slots : 64);
+                             : (uint16_t)(most_slots < 64 ? most_slots : 64);
     m->bank_width = 32;
     m->bank_blocks = 256;
     for (int i = 0; i < SAGA_N_KINDS; i++)
@@ -188,8 +187,8 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
     set_networks(m, terms);
     /* Scenes with layers have no memory bank: the decoder starts an empty one
      * in each layer, but the float twin does not. */
-    saga_plan_entropy_model(m, terms->ablation, p, o->n_layers > 1
-                            ? 0 : saga_caps[o->level].n_slots);
+    saga_plan_entropy_model(m, terms->ablation, p,
+                            o->n_layers > 1 ? 0 : saga_caps[o->level].n_slots);
 }
 
 /* --- The start of a training ---------------------------------------------- */

@@ -83,8 +83,7 @@ static uint32_t n_planned(const saga_size_terms *t)
 static double n_paid(const saga_size_terms *t)
 {
     /* All primitives count as taking equal bytes, including the base's. */
-    return (t->base->n_prim +
-            (double)t->options->n_segments * n_planned(t)) /
+    return (t->base->n_prim + (double)t->options->n_segments * n_planned(t)) /
            t->options->n_primitives;
 }
 
@@ -109,8 +108,8 @@ double saga_size_step(const saga_size_terms *t, double over, double n)
 {
     /* Offsets and tree cannot be steered, so features take all bytes that are
      * left. */
-    return step_factor(t->sizes->spent[SAGA_SYM_FEATURE],
-                       8 * left_for(t, over), n);
+    return step_factor(t->sizes->spent[SAGA_SYM_FEATURE], 8 * left_for(t, over),
+                       n);
 }
 
 uint32_t saga_size_share(const saga_size_terms *t, int n_done,

@@ -14,7 +14,7 @@
 typedef struct saga_size_terms {
     const saga_train_options *options; /* n_bytes: the size wanted; 0: none */
     const saga_train_base *base;
-    uint32_t room;               /* as in base_choice.h */
+    uint32_t room;                  /* as in base_choice.h */
     const saga_encode_sizes *sizes; /* sizes of the file if training ended
                                      * now */
 } saga_size_terms;

@@ -34,7 +34,7 @@ enum { N_STEPS = 3 };
 
 const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS] = {
     "motion of order 3", "motion of order 2", "motion of order 1",
-    "linear rotation", "temporal opacity", "view-dependent colour"
+    "linear rotation",   "temporal opacity",  "view-dependent colour"
 };
 
 /* A picture of a training view. Every view belongs to one of two halves. */
@@ -47,9 +47,9 @@ typedef struct {
     const saga_tool_question *q;
     saga_tool_choice *to;
     saga_canvas canvas;
-    saga_splat_params p;         /* the warm-up with the tools that are kept so
-                                  * far */
-    uint32_t n;                  /* number of primitives */
+    saga_splat_params p; /* the warm-up with the tools that are kept so
+                          * far */
+    uint32_t n;          /* number of primitives */
     look look[MOST_PICTURES];
     int n_looks;
 } trial;
@@ -72,8 +72,8 @@ static void choose_pictures(trial *a)
         for (int i = 0; i < each; i++) {
             const int view = p->train[k];
             const int frame = saga_capture_near(
-                c, view, (int)((2 * (int64_t)i + 1) * c->n_frames /
-                               (2 * each)));
+                c, view,
+                (int)((2 * (int64_t)i + 1) * c->n_frames / (2 * each)));
 
             if (frame >= 0 && a->n_looks < MOST_PICTURES)
                 a->look[a->n_looks++] = (look){ { view, frame, 0 },
@@ -99,8 +99,7 @@ static void aim(trial *a, int i)
 
 /* Returns the mean squared error of all pictures drawn with p, or -1 with
  * *error set if memory is short. */
-static double error_of(trial *a, const saga_splat_params *p,
-                       saga_error *error)
+static double error_of(trial *a, const saga_splat_params *p, saga_error *error)
 {
     double sum = 0;
 
@@ -189,10 +188,10 @@ void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
 static uint32_t tools_without(uint32_t tools, int tool)
 {
     return tool == SAGA_TRAIN_SLOPE ? tools & ~(uint32_t)SAGA_TOOL_SLOPE
-         : tool == SAGA_TRAIN_OPACITY_T
+           : tool == SAGA_TRAIN_OPACITY_T
                ? tools & ~(uint32_t)SAGA_TOOL_OPACITY_T
-         : tool == SAGA_TRAIN_VIEW ? tools & ~(uint32_t)SAGA_TOOL_VIEW
-         : tools - (1u << SAGA_TOOL_MOTION_SHIFT);
+           : tool == SAGA_TRAIN_VIEW ? tools & ~(uint32_t)SAGA_TOOL_VIEW
+                                     : tools - (1u << SAGA_TOOL_MOTION_SHIFT);
 }
 
 /* --- Worth and cost ------------------------------------------------------ */
@@ -221,7 +220,8 @@ static double network_bits(const saga_tool_question *q, uint32_t tools)
 static double won_back(const saga_train_options *o, int tool)
 {
     return tool == SAGA_TRAIN_MOTION_3 || tool == SAGA_TRAIN_SLOPE
-        ? SAGA_PRIMITIVE_BITS / 8 / 2 * o->n_primitives : 0;
+               ? SAGA_PRIMITIVE_BITS / 8 / 2 * o->n_primitives
+               : 0;
 }
 
 /* Judges a tool whose use lowers the pictures' mean squared error by `less`,
@@ -295,13 +295,13 @@ typedef struct {
 } slant;
 
 typedef struct {
-    sums *sum;                   /* (n) */
-    slant *slant;                /* (n) */
-    real *weight;                /* (n) alpha T summed over one picture */
-    saga_splat_params d;         /* gradients, reused for each picture */
-    saga_splat_params p;         /* the trial's primitives with `colour`
-                                  * below */
-    real *colour;                /* (n, 3) */
+    sums *sum;           /* (n) */
+    slant *slant;        /* (n) */
+    real *weight;        /* (n) alpha T summed over one picture */
+    saga_splat_params d; /* gradients, reused for each picture */
+    saga_splat_params p; /* the trial's primitives with `colour`
+                          * below */
+    real *colour;        /* (n, 3) */
 } slanted;
 
 static void direction(real d[3], const trial *a, size_t i)
@@ -384,7 +384,9 @@ static void add_step(slant *b, const sums *x)
      * diagonal of the packed triangle. */
     for (size_t k = 0; k < 3; k++) {
         b->mean[k] = x->d[k] / x->w;
-        spread += (double)(x->dd[k == 0 ? 0 : k == 1 ? 2 : 5] -
+        spread += (double)(x->dd[k == 0   ? 0
+                                 : k == 1 ? 2
+                                          : 5] -
                            x->d[k] * b->mean[k]);
     }
     /* A regression of what is missing on the direction, both about their means,

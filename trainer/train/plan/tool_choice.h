@@ -13,8 +13,12 @@
 /* Temporal tools are judged in this order, from the highest order of motion
  * on. */
 enum {
-    SAGA_TRAIN_MOTION_3, SAGA_TRAIN_MOTION_2, SAGA_TRAIN_MOTION_1,
-    SAGA_TRAIN_SLOPE, SAGA_TRAIN_OPACITY_T, SAGA_TRAIN_VIEW,
+    SAGA_TRAIN_MOTION_3,
+    SAGA_TRAIN_MOTION_2,
+    SAGA_TRAIN_MOTION_1,
+    SAGA_TRAIN_SLOPE,
+    SAGA_TRAIN_OPACITY_T,
+    SAGA_TRAIN_VIEW,
     SAGA_TRAIN_N_TOOLS
 };
 
@@ -25,25 +29,25 @@ extern const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS];
  * of view-dependent colour is measured on views that had no part in finding
  * it. */
 typedef struct saga_train_tool {
-    double worth, cost;          /* cost: bytes of its weights, and of the error
-                                  * that training without the tool would win
-                                  * back */
+    double worth, cost; /* cost: bytes of its weights, and of the error
+                         * that training without the tool would win
+                         * back */
     bool asked, kept;
 } saga_train_tool;
 
 /* The choice is made at the end of the warm-up. */
 typedef struct saga_tool_question {
-    saga_model_terms terms;      /* determine the sizes of the networks */
-    double lambda;               /* > 0 */
+    saga_model_terms terms; /* determine the sizes of the networks */
+    double lambda;          /* > 0 */
     const saga_pictures *pictures;
-    saga_splat_params flat;      /* (n) primitives of the warm-up */
+    saga_splat_params flat; /* (n) primitives of the warm-up */
     uint32_t n;
-    bool moves;                  /* the warm-up has temporal tools and keeps
-                                  * them */
+    bool moves; /* the warm-up has temporal tools and keeps
+                 * them */
 } saga_tool_question;
 
 typedef struct saga_tool_choice {
-    uint32_t tools;              /* SAGA_TOOL_* bits of the picture */
+    uint32_t tools; /* SAGA_TOOL_* bits of the picture */
     saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts behind them */
 } saga_tool_choice;
 

@@ -30,7 +30,7 @@ bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
            !segment->capture->moves && !segment->backdrop;
 }
 
-int saga_plan_lesson(int n_warm)
+int saga_plan_teacher_length(int n_warm)
 {
     return (int)fmax(1, SAGA_LESSON_PART * n_warm);
 }
@@ -92,5 +92,6 @@ uint32_t saga_plan_count(const saga_train_options *o, const saga_flat *warm,
                                     saga_pictures_pixels(pictures), n);
     return (uint32_t)fmin(
         rint(fmin(fmax(wanted, (n + MOST_CHANGE - 1) / MOST_CHANGE),
-                  (double)MOST_CHANGE * n)), saga_room_sure(o, UINT32_MAX));
+                  (double)MOST_CHANGE * n)),
+        saga_room_sure(o, UINT32_MAX));
 }

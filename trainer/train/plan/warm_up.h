@@ -31,7 +31,7 @@ bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
                          const saga_pictures *segment);
 
 /* Returns the iterations of a teacher for a warm-up of n_warm iterations. */
-int saga_plan_lesson(int n_warm);
+int saga_plan_teacher_length(int n_warm);
 
 /* Returns the time of a training with teachers, over that without. */
 double saga_plan_time_with(int n_teachers, const saga_capture *capture);

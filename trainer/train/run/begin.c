@@ -17,42 +17,42 @@
 
 /* --- Exposures ----------------------------------------------------------- */
 
-void saga_train_tone(saga_train *t)
+void saga_train_set_exposures(saga_train *t)
 {
     const size_t n = 3 * (size_t)t->capture->n_views;
 
-    memcpy(t->pictures.exposure, t->tones, n * sizeof *t->tones);
+    memcpy(t->pictures.exposure, t->exposures, n * sizeof *t->exposures);
     for (size_t k = 0; k < 3; k++)
-        t->pictures.background[k] = (uint8_t)t->tones[n + k];
+        t->pictures.background[k] = (uint8_t)t->exposures[n + k];
 }
 
 /* Keeps exposures and background of the pictures for later segments and for
  * checkpoints. */
-static void keep_tones(saga_train *t)
+static void keep_exposures(saga_train *t)
 {
     const size_t n = 3 * (size_t)t->capture->n_views;
 
-    memcpy(t->tones, t->pictures.exposure, n * sizeof *t->tones);
+    memcpy(t->exposures, t->pictures.exposure, n * sizeof *t->exposures);
     for (size_t k = 0; k < 3; k++)
-        t->tones[n + k] = t->pictures.background[k];
+        t->exposures[n + k] = t->pictures.background[k];
 }
 
-static bool make_tones(saga_train *t, saga_error *error)
+static bool make_exposures(saga_train *t, saga_error *error)
 {
     t->n_views = t->capture->n_views;
-    t->tones = saga_alloc(3 * (size_t)t->n_views + 3, sizeof *t->tones,
-                          "the views", error);
-    if (!t->tones)
+    t->exposures = saga_alloc(3 * (size_t)t->n_views + 3, sizeof *t->exposures,
+                              "the views", error);
+    if (!t->exposures)
         return false;
-    keep_tones(t);
+    keep_exposures(t);
     return true;
 }
 
-bool saga_train_find_tones(saga_train *t, saga_error *error)
+bool saga_train_find_exposures(saga_train *t, saga_error *error)
 {
     if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
         return false;
-    keep_tones(t);
+    keep_exposures(t);
     return true;
 }
 
@@ -90,11 +90,11 @@ bool saga_train_look_at(saga_train *t, const saga_capture *capture,
         return false;
     t->capture = capture;
     saga_train_set_splats(t);
-    /* All segments use the tones of the first. These are 1 until
-     * saga_train_find_tones. */
-    if (t->tones)
-        saga_train_tone(t);
-    else if (!make_tones(t, error)) {
+    /* All segments use the exposures of the first. These are 1 until
+     * saga_train_find_exposures. */
+    if (t->exposures)
+        saga_train_set_exposures(t);
+    else if (!make_exposures(t, error)) {
         saga_pictures_free(&t->pictures);
         return false;
     }
@@ -113,9 +113,12 @@ bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
     if (segment != SAGA_TRAIN_BASE)
         snprintf(what, sizeof what, "segment %d", segment);
     return capture->n_views == t->n_views ||
-           saga_fail(error, NULL, "give a longer --segment, or leave those "
-                     "cameras out", "%d cameras have pictures in %s, %d in "
-                     "those before", capture->n_views, what, t->n_views);
+           saga_fail(error, NULL,
+                     "give a longer --segment, or leave those "
+                     "cameras out",
+                     "%d cameras have pictures in %s, %d in "
+                     "those before",
+                     capture->n_views, what, t->n_views);
 }
 
 /* --- Making and freeing --------------------------------------------------- */
@@ -128,11 +131,13 @@ static bool check_room(const saga_train *t, saga_error *error)
     const uint32_t most = saga_room_of_tools(&t->o, &t->ablation, 0, n);
 
     return most == n ||
-           saga_fail(error, NULL, t->o.level < SAGA_N_PROFILES - 1
-                     ? "take fewer, or a higher --level" : "take fewer",
+           saga_fail(error, NULL,
+                     t->o.level < SAGA_N_PROFILES - 1
+                         ? "take fewer, or a higher --level"
+                         : "take fewer",
                      "%u primitives need more of a decoder's memory or work "
-                     "than level %d has; it has room for %u", n, t->o.level,
-                     saga_room_sure(&t->o, n));
+                     "than level %d has; it has room for %u",
+                     n, t->o.level, saga_room_sure(&t->o, n));
 }
 
 bool saga_train_set_up(saga_train *t, saga_error *error)
@@ -168,7 +173,7 @@ saga_train *saga_train_make(const saga_capture *capture,
     t->capture = capture;
     if (saga_train_set_up(t, error) && saga_train_look_at(t, capture, error))
         return t;
-    free(t->tones);
+    free(t->exposures);
     free(t);
     return NULL;
 }
@@ -197,6 +202,6 @@ void saga_train_free(saga_train *t)
     saga_train_end_segment(t);
     saga_packed_free(&t->file);
     saga_train_free_base(&t->backdrop);
-    free(t->tones);
+    free(t->exposures);
     free(t);
 }

@@ -24,9 +24,10 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
     /* Peak alpha is 8 / (1 + 2^(3 - o)), and pixels show at most 1 of it. The
      * 0.05 counts even primitives that have nearly vanished. */
     for (uint32_t i = 0; score && i < n; i++)
-        score[i] = (float)(0.05 + fmin(1, exp2(SAGA_PEAK_LOG2) /
-                           (1 + exp2(SAGA_PEAK_LOG2 -
-                                     (double)p->opacity[i]))));
+        score[i] = (float)(0.05 +
+                           fmin(1, exp2(SAGA_PEAK_LOG2) /
+                                       (1 + exp2(SAGA_PEAK_LOG2 -
+                                                 (double)p->opacity[i]))));
     return score;
 }
 
@@ -38,16 +39,15 @@ static uint32_t of_segment(const saga_train *t, uint32_t anchors)
 }
 
 static bool build(saga_train *t, uint32_t *source,
-                  const saga_splat_params *kept,
-                  const saga_splat_params *pool, uint32_t n,
-                  saga_error *error)
+                  const saga_splat_params *kept, const saga_splat_params *pool,
+                  uint32_t n, saga_error *error)
 {
     float *const score = scores_of(pool, n, error);
     const saga_hierarchy_pool all = { pool, score, n };
-    const saga_layers_terms layers = {
-        saga_train_in_base(t) ? 1 : (uint32_t)t->o.n_layers, &t->pictures,
-        *kept, n
-    };
+    const saga_layers_terms layers = { saga_train_in_base(t)
+                                           ? 1
+                                           : (uint32_t)t->o.n_layers,
+                                       &t->pictures, *kept, n };
     saga_hierarchy_options o;
     saga_model model;
     bool ok;
@@ -62,8 +62,8 @@ static bool build(saga_train *t, uint32_t *source,
     o.max_coarse = of_segment(t, t->o.n_coarse);
     o.max_fine = of_segment(t, t->o.n_fine);
     o.seed = t->o.seed;
-    ok = score && saga_layers_build(&t->scene, source, &layers, &all, &o,
-                                    error);
+    ok = score &&
+         saga_layers_build(&t->scene, source, &layers, &all, &o, error);
     free(score);
     return ok;
 }
@@ -97,8 +97,7 @@ static bool keep_opaque(uint32_t *index, uint32_t n,
                         saga_error *error)
 {
     float *const score = scores_of(flat, n_flat, error);
-    scored *const list = saga_alloc(n_flat, sizeof *list, "the targets",
-                                    error);
+    scored *const list = saga_alloc(n_flat, sizeof *list, "the targets", error);
     const bool ok = score && list;
 
     for (uint32_t i = 0; ok && i < n_flat; i++)
@@ -132,9 +131,11 @@ static bool keep(saga_splat_params *kept, uint32_t *n, saga_train *t,
     if (*n == all)
         return true;
     if (t->o.given)
-        return saga_fail(error, NULL, "take a higher --level", "%u splats "
+        return saga_fail(error, NULL, "take a higher --level",
+                         "%u splats "
                          "need more of a decoder's memory or work than level "
-                         "%d has; it has room for %u", all, t->o.level, *n);
+                         "%d has; it has room for %u",
+                         all, t->o.level, *n);
     if (t->report.n_left_out < all - *n)
         t->report.n_left_out = all - *n;
     index = saga_alloc(*n, sizeof *index, "the targets", error);
@@ -199,12 +200,12 @@ void saga_train_settle_price(saga_train *t)
 
 bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    saga_fit_options o = {
-        .n_render = t->o.n_render, .seed = t->o.seed,
-        .raw_networks = t->ablation.raw_networks,
-        .keep_sources = t->o.paper,
-        .given = t->file.encoder ? &t->file.networks : NULL
-    };
+    saga_fit_options o = { .n_render = t->o.n_render,
+                           .seed = t->o.seed,
+                           .raw_networks = t->ablation.raw_networks,
+                           .keep_sources = t->o.paper,
+                           .given = t->file.encoder ? &t->file.networks
+                                                    : NULL };
 
     /* A training restored from a checkpoint already has lambda, but not the
      * prices that follow from it. */

@@ -42,8 +42,8 @@ static bool find_motion(saga_train *t, saga_error *error)
 {
     saga_motion_found found = { t->flat_options.temporal, t->explained,
                                 t->changing };
-    const bool ok = saga_plan_motion(&found, t->flat, &t->pictures,
-                                     t->o.motion, error);
+    const bool ok = saga_plan_motion(&found, t->flat, &t->pictures, t->o.motion,
+                                     error);
 
     t->dynamic = found.moves;
     t->explained = found.explained;
@@ -53,11 +53,12 @@ static bool find_motion(saga_train *t, saga_error *error)
 
 static bool choose_tools(saga_train *t, saga_error *error)
 {
-    const saga_tool_question q = {
-        .terms = terms_of(t), .lambda = t->lambda, .pictures = &t->pictures,
-        .flat = saga_flat_params(t->flat), .n = saga_flat_count(t->flat),
-        .moves = t->dynamic
-    };
+    const saga_tool_question q = { .terms = terms_of(t),
+                                   .lambda = t->lambda,
+                                   .pictures = &t->pictures,
+                                   .flat = saga_flat_params(t->flat),
+                                   .n = saga_flat_count(t->flat),
+                                   .moves = t->dynamic };
     saga_tool_choice choice;
     const bool ok = saga_plan_tools(&choice, &q, error);
 
@@ -71,10 +72,10 @@ static bool choose_tools(saga_train *t, saga_error *error)
 /* Returns the question on a base, without the warm-up's primitives. */
 static saga_base_question base_question(const saga_train *t)
 {
-    return (saga_base_question){
-        .options = &t->o, .ablation = &t->ablation,
-        .wanders = t->capture->moves, .moves = t->dynamic
-    };
+    return (saga_base_question){ .options = &t->o,
+                                 .ablation = &t->ablation,
+                                 .wanders = t->capture->moves,
+                                 .moves = t->dynamic };
 }
 
 static void choose_base(saga_train *t)
@@ -123,7 +124,9 @@ bool saga_train_steer(saga_train *t, saga_error *error)
     /* Only the first turn is steered, since all turns use its networks and its
      * step. */
     const double over = t->o.n_bytes && t->turn == 0
-        ? saga_size_moment(saga_fit_iteration(t->fit), t->o.n_render) : 0;
+                            ? saga_size_moment(saga_fit_iteration(t->fit),
+                                               t->o.n_render)
+                            : 0;
     const double n = (double)t->scene.n.coarse * t->scene.model.features;
 
     if (!(over > 0))

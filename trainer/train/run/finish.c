@@ -49,9 +49,8 @@ static bool make_decoded(saga_train *t, saga_error *error)
 bool saga_train_draw(saga_train *t, float *image, int view, int frame,
                      saga_error *error)
 {
-    return saga_quality_draw(image, &t->pictures, &t->decoded,
-                             &t->decoded_twin, (saga_sample){ view, frame, 0 },
-                             error);
+    return saga_quality_draw(image, &t->pictures, &t->decoded, &t->decoded_twin,
+                             (saga_sample){ view, frame, 0 }, error);
 }
 
 /* --- Packing ------------------------------------------------------------- */
@@ -66,8 +65,7 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
     return saga_pack_open(file, in, &t->pictures, level, error) &&
-           (t->o.no_exposure ||
-            saga_pack_exposures(file, &t->pictures, error));
+           (t->o.no_exposure || saga_pack_exposures(file, &t->pictures, error));
 }
 
 /* Tells whether the present training becomes a segment of the file. The base
@@ -92,9 +90,9 @@ static int place_of(const saga_train *t)
 
 /* The ways to pack the scene. */
 typedef enum {
-    TRIAL,                       /* into a separate file that is dropped */
-    BLIND,                       /* into the training's file, without measuring
-                                  * pictures */
+    TRIAL, /* into a separate file that is dropped */
+    BLIND, /* into the training's file, without measuring
+            * pictures */
     FINAL
 } manner;
 
@@ -105,8 +103,7 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
     saga_packed trial = { .encoder = NULL };
     saga_packed *const file = how == TRIAL ? &trial : &t->file;
     saga_quantise_report quantise;
-    bool ok = file->encoder ||
-              begin_file(file, t, level, twin, in, error);
+    bool ok = file->encoder || begin_file(file, t, level, twin, in, error);
 
     /* A base alone is no file, so no bytes are made. */
     if (ok && saga_train_in_base(t))
@@ -153,10 +150,12 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_gain *const g = &c->rate->decision.gain[kind];
 
-        e->kind[kind] = (saga_train_kind){
-            c->scene.model.sources[kind], g->constants / 8, g->networks / 8,
-            g->forgetful / 8, g->chosen / 8, g->weights / 8
-        };
+        e->kind[kind] = (saga_train_kind){ c->scene.model.sources[kind],
+                                           g->constants / 8,
+                                           g->networks / 8,
+                                           g->forgetful / 8,
+                                           g->chosen / 8,
+                                           g->weights / 8 };
     }
     e->hyper_weights = c->rate->decision.hyper_weights / 8;
     e->bank_weights = c->rate->decision.bank_weights / 8;
@@ -174,19 +173,19 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
 {
     const bool final = how == FINAL;
     saga_train_report *const r = &t->report;
-    real *const feature = saga_alloc((size_t)t->scene.n.coarse *
-                                     t->scene.model.features, sizeof *feature,
-                                     "features as they are coded", error);
+    real *const feature = saga_alloc(
+        (size_t)t->scene.n.coarse * t->scene.model.features, sizeof *feature,
+        "features as they are coded", error);
     saga_rate_choice choice;
-    saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice,
-                                                    error) : NULL;
+    saga_twin *const twin = feature
+                                ? saga_fit_code(t->fit, feature, &choice, error)
+                                : NULL;
     const saga_pack_input in = { &choice, twin, feature,
-                                 saga_fit_weights(t->fit),
-                                 t->room };
+                                 saga_fit_weights(t->fit), t->room };
     const bool measured = final && is_segment(t);
-    bool ok = twin && (!measured || measure_scene(t, &r->model,
-                                                      saga_fit_scene(t->fit),
-                                                      twin, error));
+    bool ok = twin &&
+              (!measured || measure_scene(t, &r->model, saga_fit_scene(t->fit),
+                                          twin, error));
 
     /* The float model is measured above with the fit's twin, the decoded one
      * below with a twin of its own, which exists after packing. */
@@ -199,8 +198,7 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
         keep_counts(&r->n, &t->scene.n);
     r->base = t->base;
     /* Steering multiplies the prices, and lambda is proportional to them. */
-    r->lambda = t->lambda * saga_fit_price(t->fit) /
-                t->policy.price.residual;
+    r->lambda = t->lambda * saga_fit_price(t->fit) / t->policy.price.residual;
     r->dynamic = t->dynamic;
     memcpy(r->tool, t->tool, sizeof r->tool);
     r->explained = t->explained;
@@ -226,8 +224,10 @@ static bool probe(saga_train *t, saga_error *error)
         return true;
     free(t->bytes);
     t->bytes = NULL;
-    return saga_fail(error, NULL, "report it", "the decoder refuses the file: "
-                     "%s", saga_status_text(s));
+    return saga_fail(error, NULL, "report it",
+                     "the decoder refuses the file: "
+                     "%s",
+                     saga_status_text(s));
 }
 
 bool saga_train_measure_size(saga_train *t, saga_error *error)
@@ -260,8 +260,8 @@ bool saga_train_pack(saga_train *t, saga_error *error)
     /* The training is one for the networks, or the base, which is kept in its
      * decoded form because all segments are drawn on top of it. */
     return pack(t, t->o.level, FINAL, error) &&
-           (!saga_train_in_base(t) || (make_decoded(t, error) &&
-                                       saga_train_keep_base(t, error)));
+           (!saga_train_in_base(t) ||
+            (make_decoded(t, error) && saga_train_keep_base(t, error)));
 }
 
 bool saga_train_pack_blind(saga_train *t, saga_error *error)

@@ -10,7 +10,8 @@
 static bool pack_so_far(saga_train *t, saga_error *error)
 {
     if (saga_train_in_base(t))
-        return saga_fail(error, t->o.checkpoint, "try again when a segment is "
+        return saga_fail(error, t->o.checkpoint,
+                         "try again when a segment is "
                          "in the rendering stage",
                          "the training is busy with the base, from "
                          "which alone no file can be made");
@@ -23,7 +24,8 @@ static bool pack_so_far(saga_train *t, saga_error *error)
     if (t->turn > (t->base.n_prim ? 2 : 0))
         return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
                                    &t->report.sizes, error);
-    return saga_fail(error, t->o.checkpoint, "try again in the rendering "
+    return saga_fail(error, t->o.checkpoint,
+                     "try again in the rendering "
                      "stage",
                      "the training is in the warm-up, at iteration %d of %d, "
                      "from which no file can be made",
@@ -31,11 +33,11 @@ static bool pack_so_far(saga_train *t, saga_error *error)
                      saga_train_warm_iterations(t));
 }
 
-static bool alloc_tones(saga_train *t, saga_error *error)
+static bool alloc_exposures(saga_train *t, saga_error *error)
 {
-    t->tones = saga_calloc(3 * (1 + (size_t)t->capture->n_views),
-                           sizeof *t->tones, "the views", error);
-    return t->tones != NULL;
+    t->exposures = saga_calloc(3 * (1 + (size_t)t->capture->n_views),
+                               sizeof *t->exposures, "the views", error);
+    return t->exposures != NULL;
 }
 
 /* Reads a training without its pictures, which is enough to pack it. h must
@@ -59,7 +61,7 @@ static bool load_blind(saga_train *t, saga_train_header *h,
         !saga_train_set_up(t, error))
         return false;
     saga_train_set_splats(t);
-    return alloc_tones(t, error) && saga_train_load_state(t, h, c, error);
+    return alloc_exposures(t, error) && saga_train_load_state(t, h, c, error);
 }
 
 bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,

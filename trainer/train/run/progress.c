@@ -23,9 +23,9 @@ enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 
 static const char *stage_name(saga_train_stage stage)
 {
-    static const char *const names[SAGA_TRAIN_N_STAGES] = {
-        "warm-up", "rendering", "packing"
-    };
+    static const char *const names[SAGA_TRAIN_N_STAGES] = { "warm-up",
+                                                            "rendering",
+                                                            "packing" };
 
     return stage < SAGA_TRAIN_N_STAGES ? names[stage] : "done";
 }
@@ -72,7 +72,8 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
     t->o.n_iterations = (int)fmin(
         fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm, t->n_teachers,
                              t->capture),
-             LEAST_TIMED), MOST_TIMED);
+             LEAST_TIMED),
+        MOST_TIMED);
     saga_options_derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;
     return true;
@@ -87,14 +88,16 @@ int saga_train_n_iterations(const saga_train *t)
 
 int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage)
 {
-    return stage == SAGA_TRAIN_WARM ? saga_train_warm_iterations(t)
-         : stage == SAGA_TRAIN_RENDER ? t->o.n_render : 1;
+    return stage == SAGA_TRAIN_WARM     ? saga_train_warm_iterations(t)
+           : stage == SAGA_TRAIN_RENDER ? t->o.n_render
+                                        : 1;
 }
 
 int saga_train_stage_iteration(const saga_train *t)
 {
-    return t->stage == SAGA_TRAIN_WARM ? saga_train_warm_iteration(t)
-         : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
+    return t->stage == SAGA_TRAIN_WARM     ? saga_train_warm_iteration(t)
+           : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit)
+                                           : 0;
 }
 
 int saga_train_iteration(const saga_train *t)
@@ -103,8 +106,8 @@ int saga_train_iteration(const saga_train *t)
 
     for (int s = 0; s < (int)t->stage; s++)
         sum += saga_train_stage_iterations(t, (saga_train_stage)s);
-    return t->stage < SAGA_TRAIN_N_STAGES
-        ? sum + saga_train_stage_iteration(t) : sum;
+    return t->stage < SAGA_TRAIN_N_STAGES ? sum + saga_train_stage_iteration(t)
+                                          : sum;
 }
 
 /* Returns the work done, in iterations of the warm-up. */
@@ -116,7 +119,8 @@ static double work_done(const saga_train *t)
     for (int s = 0; s < (int)t->stage; s++)
         sum += cost[s] * saga_train_stage_iterations(t, (saga_train_stage)s);
     return t->stage < SAGA_TRAIN_N_STAGES
-        ? sum + cost[t->stage] * saga_train_stage_iteration(t) : sum;
+               ? sum + cost[t->stage] * saga_train_stage_iteration(t)
+               : sum;
 }
 
 static double work_of_all(const saga_train *t)
@@ -128,14 +132,15 @@ static double work_of_all(const saga_train *t)
     return sum;
 }
 
-bool saga_train_tell(const saga_train *t)
+bool saga_train_notify(const saga_train *t)
 {
     /* .done assumes that all turns take equal time: one for each segment and,
      * with a base, one for the base and a second one for the first segment. */
     const saga_train_progress p = {
         .stage = t->stage,
         .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)
-            ? "teachers" : stage_name(t->stage),
+                    ? "teachers"
+                    : stage_name(t->stage),
         .segment = saga_train_segment(t),
         .iteration = saga_train_stage_iteration(t),
         .n_iterations = saga_train_stage_iterations(t, t->stage),

@@ -21,10 +21,11 @@ static void walk_file(saga_train *t, saga_checkpoint *c)
     saga_checkpoint_walk(c, &t->report, sizeof t->report);
 }
 
-static void walk_tones(saga_train *t, saga_checkpoint *c)
+static void walk_exposures(saga_train *t, saga_checkpoint *c)
 {
-    saga_checkpoint_walk(c, t->tones, 3 * (1 + (size_t)t->capture->n_views) *
-                                      sizeof *t->tones);
+    saga_checkpoint_walk(c, t->exposures,
+                         3 * (1 + (size_t)t->capture->n_views) *
+                             sizeof *t->exposures);
 }
 
 /* Writes or reads the base, whose arrays are in one block. */
@@ -39,21 +40,21 @@ static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
     c->failed = c->failed || (n != 0 && n != t->base.n_prim);
     if (c->failed || n == 0)
         return;
-    if (c->reading && !saga_train_alloc_base(&t->backdrop, (uint32_t)n, views,
-                                             error)) {
+    if (c->reading &&
+        !saga_train_alloc_base(&t->backdrop, (uint32_t)n, views, error)) {
         c->failed = true;
         return;
     }
     saga_checkpoint_walk(c, t->backdrop.block,
                          saga_train_base_reals((uint32_t)n, views) *
-                         sizeof *t->backdrop.block);
+                             sizeof *t->backdrop.block);
 }
 
 static void write_finished(saga_train *t, saga_checkpoint *c)
 {
     saga_encoder_save(t->file.encoder, c);
     walk_file(t, c);
-    walk_tones(t, c);
+    walk_exposures(t, c);
     walk_base(t, c, NULL);
 }
 
@@ -108,7 +109,8 @@ static bool fits(const saga_train *t, const saga_train_header *h,
     /* This precedes the comparison of options, because some of them are planned
      * from the capture if the user left them open. */
     if (h->capture != t->digest)
-        return saga_fail(error, file, "give the capture it was begun with, or "
+        return saga_fail(error, file,
+                         "give the capture it was begun with, or "
                          "delete it",
                          "was begun with other pictures or cameras");
     return saga_train_header_fits(t, h, file, error);
@@ -131,8 +133,7 @@ static void adopt_iterations(saga_train *t, const saga_train_header *h)
     t->flat_options.n_iterations = t->o.n_warm;
 }
 
-static bool read_finished(saga_train *t, saga_checkpoint *c,
-                          saga_error *error)
+static bool read_finished(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     /* The encoder's model determines the scene into which the networks are
      * read. */
@@ -145,11 +146,11 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
     walk_file(t, c);
     /* The kind of splat is the file's from now on. */
     saga_train_set_splats(t);
-    if (c->failed || !saga_train_same_views(t, t->capture,
-                                            saga_train_segment(t), error))
+    if (c->failed ||
+        !saga_train_same_views(t, t->capture, saga_train_segment(t), error))
         return false;
-    walk_tones(t, c);
-    saga_train_tone(t);
+    walk_exposures(t, c);
+    saga_train_set_exposures(t);
     walk_base(t, c, error);
     saga_train_show_base(t);
     saga_train_set_flat(t);
@@ -195,8 +196,8 @@ static void load_base(saga_train *t, const saga_train_header *h)
 {
     t->base = (saga_train_base){
         (saga_train_no_base)h->base_why, (uint32_t)h->base_still,
-        (uint32_t)h->base_looked_at, (uint32_t)h->base_prim,
-        (uint32_t)h->base_kept, h->base_saved
+        (uint32_t)h->base_looked_at,     (uint32_t)h->base_prim,
+        (uint32_t)h->base_kept,          h->base_saved
     };
 }
 
@@ -214,10 +215,9 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
     t->dynamic = h->dynamic != 0;
     t->tools = (uint32_t)h->tools & SAGA_TOOLS_PICTURE;
     for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
-        t->tool[i] = (saga_train_tool){
-            h->tool[i].worth, h->tool[i].cost, h->tool[i].asked != 0,
-            h->tool[i].kept != 0
-        };
+        t->tool[i] = (saga_train_tool){ h->tool[i].worth, h->tool[i].cost,
+                                        h->tool[i].asked != 0,
+                                        h->tool[i].kept != 0 };
     t->explained = h->explained;
     t->changing = h->changing;
     /* This is lambda as the rule or the steering of the size has set it. In the
@@ -290,8 +290,7 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
 
     saga_train_header_walk(&h, c);
     /* A file of networks begins after the turns that made them. */
-    c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
-                !adopt(t, &h);
+    c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) || !adopt(t, &h);
     return !c->failed &&
            saga_train_header_segments(t, &h, t->o.networks, error) &&
            saga_train_header_fits(t, &h, t->o.networks, error) &&

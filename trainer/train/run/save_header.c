@@ -63,10 +63,11 @@ static bool same(const char *file, const char *option, uint64_t had,
                  uint64_t has, saga_error *error)
 {
     return had == has ||
-           saga_fail(error, file, "give the options it was begun "
-                     "with, or delete it", "was begun with %s %llu, not %llu",
-                     option, (unsigned long long)had,
-                     (unsigned long long)has);
+           saga_fail(error, file,
+                     "give the options it was begun "
+                     "with, or delete it",
+                     "was begun with %s %llu, not %llu", option,
+                     (unsigned long long)had, (unsigned long long)has);
 }
 
 static bool same_motion(const char *file, uint64_t had, uint64_t has,
@@ -74,12 +75,15 @@ static bool same_motion(const char *file, uint64_t had, uint64_t has,
 {
     static const char *const names[] = {
         [SAGA_TRAIN_MEASURE] = "neither --still nor --moving",
-        [SAGA_TRAIN_STILL] = "--still", [SAGA_TRAIN_MOVING] = "--moving"
+        [SAGA_TRAIN_STILL] = "--still",
+        [SAGA_TRAIN_MOVING] = "--moving"
     };
 
     return had == has ||
-           saga_fail(error, file, "give the options it was begun "
-                     "with, or delete it", "was begun with %s, not %s",
+           saga_fail(error, file,
+                     "give the options it was begun "
+                     "with, or delete it",
+                     "was begun with %s, not %s",
                      had <= SAGA_TRAIN_MOVING ? names[had] : "another motion",
                      names[has]);
 }
@@ -88,8 +92,10 @@ static bool same_model(const char *file, uint64_t had, uint64_t has,
                        saga_error *error)
 {
     return had == has ||
-           saga_fail(error, file, "give the options it was begun "
-                     "with, or delete it", "was begun with --model %s, not %s",
+           saga_fail(error, file,
+                     "give the options it was begun "
+                     "with, or delete it",
+                     "was begun with --model %s, not %s",
                      had ? "paper" : "auto", has ? "paper" : "auto");
 }
 
@@ -97,10 +103,12 @@ static bool same_ablation(const char *file, const saga_train_header *h,
                           const saga_train_header *now, saga_error *error)
 {
     return memcmp(h->ablate, now->ablate, sizeof h->ablate) == 0 ||
-           saga_fail(error, file, "give the options it was begun "
-                     "with, or delete it", "was begun with --ablate '%.*s', "
-                     "not '%s'", (int)sizeof h->ablate, h->ablate,
-                     now->ablate);
+           saga_fail(error, file,
+                     "give the options it was begun "
+                     "with, or delete it",
+                     "was begun with --ablate '%.*s', "
+                     "not '%s'",
+                     (int)sizeof h->ablate, h->ablate, now->ablate);
 }
 
 bool saga_train_header_settled(const saga_train_header *h)
@@ -118,9 +126,11 @@ static bool same_settled(const char *file, const saga_train_header *h,
     /* lambda is the option's value; the value that the rule found is
      * chosen_lambda. */
     if (h->lambda < now->lambda || h->lambda > now->lambda)
-        return saga_fail(error, file, "give the options it was begun with, or "
-                         "delete it", "was begun with --lambda %g, not %g",
-                         h->lambda, now->lambda);
+        return saga_fail(error, file,
+                         "give the options it was begun with, or "
+                         "delete it",
+                         "was begun with --lambda %g, not %g", h->lambda,
+                         now->lambda);
     return same(file, "coarse anchors", h->coarse, now->coarse, error) &&
            same(file, "fine anchors", h->fine, now->fine, error) &&
            same(file, "--level", h->level, now->level, error) &&
@@ -137,8 +147,8 @@ bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
     saga_train_header_fill(&now, t);
     return same_settled(file, h, &now, error) &&
            same(file, "--primitives", h->primitives, now.primitives, error) &&
-           same(file, "--iterations",
-                h->warm + h->render, now.warm + now.render, error) &&
+           same(file, "--iterations", h->warm + h->render,
+                now.warm + now.render, error) &&
            same(file, "warm-up iterations", h->warm, now.warm, error) &&
            same(file, "teachers", h->teachers, now.teachers, error) &&
            same_model(file, h->paper, now.paper, error) &&
@@ -147,9 +157,8 @@ bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
            same_ablation(file, h, &now, error);
 }
 
-bool saga_train_header_segments(const saga_train *t,
-                                const saga_train_header *h, const char *file,
-                                saga_error *error)
+bool saga_train_header_segments(const saga_train *t, const saga_train_header *h,
+                                const char *file, saga_error *error)
 {
     return same(file, "a number of segments of", h->segments,
                 (uint64_t)t->o.n_segments, error);
@@ -171,22 +180,22 @@ static bool has_turns(const saga_train_header *h)
 
     return h->first < h->segments &&
            h->turn < h->segments + (h->base_prim ? 2 : 0) &&
-           h->base_why <= SAGA_TRAIN_MOVES &&
-           h->base_still <= UINT32_MAX && h->base_looked_at <= UINT32_MAX &&
-           h->base_prim <= most && h->base_kept <= most;
+           h->base_why <= SAGA_TRAIN_MOVES && h->base_still <= UINT32_MAX &&
+           h->base_looked_at <= UINT32_MAX && h->base_prim <= most &&
+           h->base_kept <= most;
 }
 
 void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c)
 {
     saga_checkpoint_walk(c, h, sizeof *h);
-    c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS ||
-                !has_turns(h) || h->primitives > UINT32_MAX ||
-                h->coarse > UINT32_MAX || h->fine > UINT32_MAX ||
-                h->warm - 1 >= INT_MAX / 2 || h->render - 1 >= INT_MAX / 2;
+    c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS || !has_turns(h) ||
+                h->primitives > UINT32_MAX || h->coarse > UINT32_MAX ||
+                h->fine > UINT32_MAX || h->warm - 1 >= INT_MAX / 2 ||
+                h->render - 1 >= INT_MAX / 2;
 }
 
 static bool read_header(saga_train_header *h, const char *checkpoint,
-                      saga_error *error)
+                        saga_error *error)
 {
     saga_checkpoint c;
 
@@ -203,8 +212,9 @@ int saga_train_stopped_in(const char *checkpoint, saga_error *error)
     saga_train_header h;
 
     return read_header(&h, checkpoint, error)
-        ? saga_train_segment_at((int)h.first, (int)h.turn, h.base_prim > 0)
-        : -1;
+               ? saga_train_segment_at((int)h.first, (int)h.turn,
+                                       h.base_prim > 0)
+               : -1;
 }
 
 bool saga_train_adopt(saga_train_options *o, const char *checkpoint,

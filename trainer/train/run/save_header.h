@@ -15,15 +15,17 @@ typedef struct {
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
     uint64_t layers, teachers, paper;
-    uint64_t only;               /* the segment in training, if its networks are
-                                  * from another training; otherwise n_segments
-                                  * of the options, which is no segment */
+    uint64_t only; /* the segment in training, if its networks are
+                    * from another training; otherwise n_segments
+                    * of the options, which is no segment */
     char ablate[128];
     double lambda, chosen_lambda, base_saved, n_pixels;
     uint64_t stage, fitting, dynamic, tools;
     double explained, changing, recent_mse;
-    struct { double worth, cost; uint64_t asked, kept; }
-        tool[SAGA_TRAIN_N_TOOLS];
+    struct {
+        double worth, cost;
+        uint64_t asked, kept;
+    } tool[SAGA_TRAIN_N_TOOLS];
 } saga_train_header;
 
 void saga_train_header_fill(saga_train_header *h, const saga_train *t);
@@ -44,9 +46,8 @@ bool saga_train_header_settled(const saga_train_header *h);
  * with *error set, which names `file`, if one differs. */
 bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
                             const char *file, saga_error *error);
-bool saga_train_header_segments(const saga_train *t,
-                                const saga_train_header *h, const char *file,
-                                saga_error *error);
+bool saga_train_header_segments(const saga_train *t, const saga_train_header *h,
+                                const char *file, saga_error *error);
 
 /* Sets *o to the options that a checkpoint's training was begun with, or
  * arrived at. Returns false if they are impossible. Strings in *o point into

@@ -21,7 +21,7 @@ bool saga_train_place_teachers(saga_train *t, saga_error *error)
         return true;
     if (!saga_novel_init(&t->novel, &t->pictures, error))
         return false;
-    if (t->novel.n_shots > 0)
+    if (t->novel.n_views > 0)
         t->n_teachers = t->o.n_teachers;
     return true;
 }
@@ -33,12 +33,12 @@ bool saga_train_is_teaching(const saga_train *t)
 
 int saga_train_warm_iterations(const saga_train *t)
 {
-    return t->n_teachers * saga_plan_lesson(t->o.n_warm) + t->o.n_warm;
+    return t->n_teachers * saga_plan_teacher_length(t->o.n_warm) + t->o.n_warm;
 }
 
 int saga_train_warm_iteration(const saga_train *t)
 {
-    return t->novel.n_teachers * saga_plan_lesson(t->o.n_warm) +
+    return t->novel.n_teachers * saga_plan_teacher_length(t->o.n_warm) +
            saga_flat_iteration(t->flat);
 }
 
@@ -50,7 +50,7 @@ static saga_flat_options options_of(const saga_train *t)
     saga_flat_options o = t->flat_options;
 
     if (saga_train_is_teaching(t)) {
-        o.n_iterations = saga_plan_lesson(t->o.n_warm);
+        o.n_iterations = saga_plan_teacher_length(t->o.n_warm);
         o.seed = saga_rng_bits(r, (uint64_t)t->novel.n_teachers);
     }
     return o;
@@ -60,7 +60,8 @@ static saga_flat_options options_of(const saga_train *t)
 static void show(saga_train *t)
 {
     t->pictures.novel = t->n_teachers > 0 && !saga_train_is_teaching(t)
-        ? &t->novel : NULL;
+                            ? &t->novel
+                            : NULL;
 }
 
 bool saga_train_begin_warm(saga_train *t, saga_error *error)
@@ -72,13 +73,13 @@ bool saga_train_begin_warm(saga_train *t, saga_error *error)
     return t->flat != NULL;
 }
 
-bool saga_train_end_lesson(saga_train *t, saga_error *error)
+bool saga_train_end_teacher(saga_train *t, saga_error *error)
 {
     saga_splat_params p;
     bool ok;
 
     if (!saga_train_is_teaching(t) ||
-        saga_flat_iteration(t->flat) < saga_plan_lesson(t->o.n_warm))
+        saga_flat_iteration(t->flat) < saga_plan_teacher_length(t->o.n_warm))
         return true;
     p = saga_flat_params(t->flat);
     ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);
@@ -119,7 +120,7 @@ bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
     saga_checkpoint_walk(c, &n, sizeof n);
     saga_novel_walk(&t->novel, saga_caps[t->o.level].n_prim, c, error);
     if (n > SAGA_NOVEL_MOST_TEACHERS || (int)n < t->novel.n_teachers ||
-        (n > 0 && t->novel.n_shots == 0))
+        (n > 0 && t->novel.n_views == 0))
         c->failed = true;
     if (c->failed)
         return false;

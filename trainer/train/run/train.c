@@ -18,7 +18,7 @@
 
 static bool begin_with_nothing(saga_train *t, saga_error *error)
 {
-    return saga_train_find_tones(t, error) &&
+    return saga_train_find_exposures(t, error) &&
            saga_train_place_teachers(t, error) &&
            (!(t->o.minutes > 0) || saga_train_spend_minutes(t, error)) &&
            saga_train_begin_warm(t, error);
@@ -41,8 +41,7 @@ static bool begin_with_networks(saga_train *t, saga_error *error)
 }
 
 saga_train *saga_train_new(const saga_capture *capture,
-                           const saga_train_options *options,
-                           saga_error *error)
+                           const saga_train_options *options, saga_error *error)
 {
     saga_train *const t = saga_train_make(capture, options, error);
 
@@ -121,7 +120,8 @@ static void settle_count(saga_train *t)
 {
     const bool free = t->turn == 0 && !saga_train_is_teaching(t);
     const uint32_t n = !free ? 0
-        : saga_plan_count(&t->o, t->flat, t->recent_mse, &t->pictures);
+                             : saga_plan_count(&t->o, t->flat, t->recent_mse,
+                                               &t->pictures);
 
     if (n == 0)
         return;
@@ -133,12 +133,12 @@ static void settle_count(saga_train *t)
     saga_flat_aim(t->flat, n);
 }
 
-static bool step(saga_train *t, double *mse, saga_error *error)
+static bool train_step(saga_train *t, double *mse, saga_error *error)
 {
     /* The number of primitives and the step change only here, between two
      * iterations, so that a checkpoint never has half of a change. */
     if (t->stage == SAGA_TRAIN_WARM) {
-        if (!saga_train_end_lesson(t, error))
+        if (!saga_train_end_teacher(t, error))
             return false;
         settle_count(t);
         return saga_flat_iterate(t->flat, mse, error);
@@ -156,7 +156,7 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
         double mse;
         bool go_on;
 
-        if (!step(t, &mse, error))
+        if (!train_step(t, &mse, error))
             return SAGA_FAILED;
         /* A running mean, started by the first picture. The price depends on
          * it, so pictures drawn by teachers, whose mse is 0, are ignored. */
@@ -164,7 +164,7 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
             t->recent_mse += (t->recent_mse > 0 ? 1 - RECENT_PART : 1) *
                              (mse - t->recent_mse);
         /* When the training is stopped, the checkpoint is written first. */
-        go_on = saga_train_tell(t);
+        go_on = saga_train_notify(t);
         if (!go_on ||
             saga_clock_seconds() - t->saved >= t->o.checkpoint_seconds)
             save(t);
@@ -222,8 +222,9 @@ saga_outcome saga_train_run(saga_train *t, saga_error *error)
         /* Packing has no iterations: it is reported once, and can be stopped
          * then. */
         const saga_outcome s = t->stage < SAGA_TRAIN_PACK
-            ? run_iterations(t, error)
-            : saga_train_tell(t) ? SAGA_DONE : SAGA_STOPPED;
+                                   ? run_iterations(t, error)
+                               : saga_train_notify(t) ? SAGA_DONE
+                                                      : SAGA_STOPPED;
 
         if (s)
             return s;

@@ -36,7 +36,9 @@
 #include "tool_choice.h"
 
 typedef enum saga_train_stage {
-    SAGA_TRAIN_WARM, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
+    SAGA_TRAIN_WARM,
+    SAGA_TRAIN_RENDER,
+    SAGA_TRAIN_PACK,
     SAGA_TRAIN_N_STAGES
 } saga_train_stage;
 
@@ -61,27 +63,27 @@ struct saga_train_progress {
 
 /* Bytes of one kind of residual with different sources. */
 typedef struct saga_train_kind {
-    uint32_t sources;            /* SAGA_SOURCE_* bits of the sources that were
-                                  * kept */
-    double constants;            /* bytes of its residuals without sources */
-    double networks;             /* bytes with all sources that were trained */
-    double forgetful;            /* bytes with these except the memory bank */
-    double chosen;               /* bytes with the sources that were kept */
-    double weights;              /* bytes of its entropy network with these,
-                                  * about */
+    uint32_t sources; /* SAGA_SOURCE_* bits of the sources that were
+                       * kept */
+    double constants; /* bytes of its residuals without sources */
+    double networks;  /* bytes with all sources that were trained */
+    double forgetful; /* bytes with these except the memory bank */
+    double chosen;    /* bytes with the sources that were kept */
+    double weights;   /* bytes of its entropy network with these,
+                       * about */
 } saga_train_kind;
 
 /* The estimates by which sources were chosen, on the trained model of the
  * segment that made the networks. */
 typedef struct saga_train_entropy {
     saga_train_kind kind[SAGA_N_KINDS];
-    double hyper_weights;        /* bytes of the hyperprior's network, about; 0:
-                                  * it is off */
-    double bank_weights;         /* bytes of the bank's networks, about, whether
-                                  * it was kept or not */
-    double bank_net;             /* bytes that the bank adds to the file,
-                                  * including its networks; it was kept if they
-                                  * are negative; 0: no kind gains from it */
+    double hyper_weights; /* bytes of the hyperprior's network, about; 0:
+                           * it is off */
+    double bank_weights;  /* bytes of the bank's networks, about, whether
+                           * it was kept or not */
+    double bank_net;      /* bytes that the bank adds to the file,
+                           * including its networks; it was kept if they
+                           * are negative; 0: no kind gains from it */
     double estimate[SAGA_N_SYMS]; /* code length of the residuals in bits, by
                                    * SAGA_SYM_*; 0: there are none */
 } saga_train_entropy;
@@ -90,23 +92,23 @@ typedef struct saga_train_entropy {
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
-    saga_counts n;               /* coarse anchors, fine anchors and primitives
-                                  * of the largest segment */
-    saga_info info;              /* the file's properties, from its decoder */
-    double lambda;               /* the option, or by the rule (policy.h) */
+    saga_counts n;  /* coarse anchors, fine anchors and primitives
+                     * of the largest segment */
+    saga_info info; /* the file's properties, from its decoder */
+    double lambda;  /* the option, or by the rule (policy.h) */
     saga_train_base base;
-    bool dynamic;                /* the model has temporal tools */
+    bool dynamic; /* the model has temporal tools */
     saga_train_tool tool[SAGA_TRAIN_N_TOOLS];
-    double explained;            /* as in motion.h; NaN: it was not measured */
-    double changing;             /* as in motion.h */
+    double explained; /* as in motion.h; NaN: it was not measured */
+    double changing;  /* as in motion.h */
     saga_train_entropy entropy;
-    uint32_t n_left_out;         /* primitives of the warm-ups for which the
-                                  * level had no room */
-    uint32_t n_parameters;       /* number of weights and biases of all
-                                  * networks */
-    double weight_bits;          /* bits of all weights of the networks that
-                                  * have inputs, except the entropy model's, and
-                                  * of scales by row or column */
+    uint32_t n_left_out;   /* primitives of the warm-ups for which the
+                            * level had no room */
+    uint32_t n_parameters; /* number of weights and biases of all
+                            * networks */
+    double weight_bits;    /* bits of all weights of the networks that
+                            * have inputs, except the entropy model's, and
+                            * of scales by row or column */
     saga_quality warm;     /* quality of the warm-up */
     saga_quality model;    /* quality of the float model, with coarse features
                             * and networks rounded */

@@ -23,58 +23,58 @@
 
 struct saga_train {
     const saga_capture *capture;
-    saga_pictures pictures;      /* made from capture */
-    double *tones;               /* (views + 1, 3) exposures, and in the last
-                                  * row the background; all segments use those
-                                  * of the first */
-    uint64_t digest;             /* digest of the pictures, if there are
-                                  * checkpoints */
-    saga_train_options o;        /* options after all have been derived */
-    saga_ablation ablation;      /* what o.ablate says */
-    double lambda;               /* the option or, from the end of the warm-up
-                                  * on, the rule's value */
-    saga_policy policy;          /* set at the end of the warm-up */
-    double room;                 /* room in the networks' formats (pack.h) */
-    saga_train_base base;        /* set at the end of the first warm-up */
-    saga_backdrop backdrop;      /* the decoded base; empty until then */
-    int turn;                    /* number of finished trainings. With a base
-                                  * they are the one for the networks, the base,
-                                  * and all segments; without one, all
-                                  * segments */
-    int n_views;                 /* views of every segment */
-    double n_pixels;             /* training pixels of the first segment */
-    uint64_t n_finished;         /* primitives of the finished segments */
-    saga_train_stage stage;      /* stage of the segment in training */
-    double recent_mse;           /* mean over recent pictures of the stage, for
-                                  * progress and price; 0: none yet */
+    saga_pictures pictures; /* made from capture */
+    double *exposures;      /* (views + 1, 3) exposures, and in the last
+                             * row the background; all segments use those
+                             * of the first */
+    uint64_t digest;        /* digest of the pictures, if there are
+                             * checkpoints */
+    saga_train_options o;   /* options after all have been derived */
+    saga_ablation ablation; /* what o.ablate says */
+    double lambda;          /* the option or, from the end of the warm-up
+                             * on, the rule's value */
+    saga_policy policy;     /* set at the end of the warm-up */
+    double room;            /* room in the networks' formats (pack.h) */
+    saga_train_base base;   /* set at the end of the first warm-up */
+    saga_backdrop backdrop; /* the decoded base; empty until then */
+    int turn;               /* number of finished trainings. With a base
+                             * they are the one for the networks, the base,
+                             * and all segments; without one, all
+                             * segments */
+    int n_views;            /* views of every segment */
+    double n_pixels;        /* training pixels of the first segment */
+    uint64_t n_finished;    /* primitives of the finished segments */
+    saga_train_stage stage; /* stage of the segment in training */
+    double recent_mse;      /* mean over recent pictures of the stage, for
+                             * progress and price; 0: none yet */
     saga_flat_options flat_options; /* options of the warm-up; a teacher's
                                      * differ */
-    saga_novel novel;            /* the segment's teachers so far */
-    int n_teachers;              /* that the segment gets: the option, or 0 */
-    saga_flat *flat;             /* the warm-up or, until there are n_teachers,
-                                  * the next teacher */
+    saga_novel novel;               /* the segment's teachers so far */
+    int n_teachers;  /* that the segment gets: the option, or 0 */
+    saga_flat *flat; /* the warm-up or, until there are n_teachers,
+                      * the next teacher */
 
     /* The rest is set from the rendering stage on. */
     bool fitting, dynamic;
-    uint32_t tools;              /* SAGA_TOOL_* bits of the picture */
+    uint32_t tools; /* SAGA_TOOL_* bits of the picture */
     saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts on them */
     double explained, changing;
     saga_scene scene;
-    saga_splat_params target;    /* (prim) in order of ranks, with arrays of its
-                                  * own */
+    saga_splat_params target; /* (prim) in order of ranks, with arrays of its
+                               * own */
     saga_fit *fit;
 
-    saga_scene decoded;          /* the decoded scene, in float */
+    saga_scene decoded; /* the decoded scene, in float */
     saga_twin decoded_twin;
 
-    saga_packed file;            /* the file with the finished segments */
-    uint8_t *bytes;              /* bytes of that file, when the segment is
-                                  * finished */
+    saga_packed file; /* the file with the finished segments */
+    uint8_t *bytes;   /* bytes of that file, when the segment is
+                       * finished */
     size_t nbytes;
     saga_train_report report;
 
-    double saved;                /* time of the last checkpoint, in seconds of
-                                  * saga_clock_seconds */
+    double saved; /* time of the last checkpoint, in seconds of
+                   * saga_clock_seconds */
     saga_error complaint;
     bool complained;
 };
@@ -95,7 +95,7 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error);
 int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage);
 int saga_train_stage_iteration(const saga_train *t);
 /* Calls the progress function. Returns false if it stops the training. */
-bool saga_train_tell(const saga_train *t);
+bool saga_train_notify(const saga_train *t);
 
 /* begin.c */
 /* Makes a training after checking its options, and takes the pictures of the
@@ -116,10 +116,10 @@ void saga_train_end_segment(saga_train *t);
 bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
                            int segment, saga_error *error);
 /* Evens out the exposures of the pictures, unless primitives are given, and
- * keeps the result in t->tones. */
-bool saga_train_find_tones(saga_train *t, saga_error *error);
-/* Sets the exposures and background of the pictures from t->tones. */
-void saga_train_tone(saga_train *t);
+ * keeps the result in t->exposures. */
+bool saga_train_find_exposures(saga_train *t, saga_error *error);
+/* Sets the exposures and background of the pictures from t->exposures. */
+void saga_train_set_exposures(saga_train *t);
 /* Sets the options of the warm-up that differ between segments. */
 void saga_train_set_flat(saga_train *t);
 /* Sets the kind of splat for the pictures: that of the networks, if they
@@ -146,14 +146,13 @@ int saga_train_warm_iteration(const saga_train *t);
 bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
  * begins the next teacher or the warm-up. */
-bool saga_train_end_lesson(saga_train *t, saga_error *error);
+bool saga_train_end_teacher(saga_train *t, saga_error *error);
 /* Is called before the rendering stage. In a moving scene no picture is from
  * the teachers any more. */
 void saga_train_end_teaching(saga_train *t);
 /* Save and restore the teachers and t->flat. */
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
-bool saga_train_load_warm(saga_train *t, saga_checkpoint *c,
-                          saga_error *error);
+bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error);
 
 /* decide.c: passes the decisions of plan/ on to the training. */
 /* Makes *m from options, ablation, policy and tools. */

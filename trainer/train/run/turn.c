@@ -17,16 +17,17 @@ int saga_train_segment_at(int first, int turn, bool has_base)
     /* Without a base, all segments except the first follow in order of time.
      * With one, turn 1 is the base, and all segments follow, including the
      * first. */
-    return turn == 0 ? first
-         : !has_base ? (turn <= first ? turn - 1 : turn)
-         : turn == 1 ? SAGA_TRAIN_BASE : turn - 2;
+    return turn == 0   ? first
+           : !has_base ? (turn <= first ? turn - 1 : turn)
+           : turn == 1 ? SAGA_TRAIN_BASE
+                       : turn - 2;
 }
 
 int saga_train_segment(const saga_train *t)
 {
     return t->turn > 0 && t->o.networks
-        ? t->o.only : saga_train_segment_at(t->o.first, t->turn,
-                                            t->base.n_prim > 0);
+               ? t->o.only
+               : saga_train_segment_at(t->o.first, t->turn, t->base.n_prim > 0);
 }
 
 int saga_train_first(const saga_train *t)
@@ -39,7 +40,8 @@ int saga_train_upcoming(const saga_train *t)
     const bool has_base = t->base.n_prim > 0;
 
     return t->turn + 1 < saga_train_n_turns(t, has_base) && !t->o.networks
-        ? saga_train_segment_at(t->o.first, t->turn + 1, has_base) : -1;
+               ? saga_train_segment_at(t->o.first, t->turn + 1, has_base)
+               : -1;
 }
 
 bool saga_train_in_base(const saga_train *t)
