@@ -209,7 +209,7 @@ def ablation(rates):
           "relative to the prediction, so in a refit they move by up to half "
           "a step, which costs another amount of PSNR in each variant.")
     prose("No file of this table has the paper's residual hash "
-          "([lab/residual-hash.md](../lab/residual-hash.md)), so all of them "
+          "([residual-hash](../lab/README.md)), so all of them "
           "are its variant V3.")
 
 
@@ -312,7 +312,7 @@ NOTES = (
     "**V4**, uncoded networks: networks are half of a small file. In the "
     "paper's files of megabytes they are 12 %. With 100,000 primitives and "
     "features of their own they would be 4.2 % "
-    "([lab/memory.md](../lab/memory.md)).",
+    "([lab/sources.md](../lab/sources.md)).",
     "**V5** and slots: hyperprior and groups leave the bank at most 0.5 % of "
     "the symbols to save, so its update rule and its number of slots change "
     "hardly more than the bytes of its own networks. On the same symbols, "
@@ -320,7 +320,7 @@ NOTES = (
     "The paper has neither a base nor layers. On ten seconds of the room at "
     "160x90 a base gives -51 % by BD-rate ([training.md](training.md)). On "
     "studio two layers take 4 % more bytes and lose 1.1 dB on held-out views "
-    "at one rate ([lab/layers.md](../lab/layers.md)).")
+    "at one rate ([layers](../lab/README.md)).")
 # The scenes, in the order of the tables.
 SCENES = (("room", "room"), ("ring", "ring"), ("large", "large ring"))
 

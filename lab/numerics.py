@@ -167,7 +167,7 @@ HEAD = """# Numerics: what integers cost, and how exact they are
 CPU time, medians of 15 repetitions of a millisecond or more; bars are
 quartiles. Errors are exact: all values of an operator are compared with float64
 on the same inputs. "16 right bits" means that the RMS error is 2^-16 of the
-largest value. [lab/numerics.md](../lab/numerics.md) has the conclusions.
+largest value. [numerics](../lab/README.md) has the conclusions.
 
 ![time and error of every operator](numerics.svg)
 

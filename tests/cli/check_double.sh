@@ -7,7 +7,7 @@
 #               dB: until then rounding changes no decision that matters
 #   files       the mean PSNR over the seeds is the same within 0.3 dB. With one
 #               seed the files may differ by 0.4 dB, as files of two seeds do
-#               (docs/lab/numerics.md)
+#               (docs/lab/README.md)
 # shellcheck disable=SC2034,SC2154,SC1091
 set -u
 cd "$(dirname "$0")/../.." || exit

@@ -8,7 +8,7 @@
  * only for parts that others have begun, so a thread that sleeps or is not
  * scheduled does not delay it. With OpenMP, all threads must arrive at the end
  * of every region, which made two threads slower than one
- * (docs/lab/training-speed.md); OpenMP is used where whole pictures are loaded,
+ * (docs/lab/README.md); OpenMP is used where whole pictures are loaded,
  * made or judged.
  */
 #ifndef SAGA_THREADS_H

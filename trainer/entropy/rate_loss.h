@@ -31,7 +31,7 @@ enum {
                                     * number */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations between two evaluations of the
                                     * bank, which learns in these
-                                    * (docs/lab/memory.md) */
+                                    * (docs/lab/sources.md) */
     SAGA_BANK_TWIN_PACE = 2,       /* the bank's learning rate over that of the
                                     * other entropy networks, since it learns in
                                     * fewer iterations */

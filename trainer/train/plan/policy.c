@@ -24,7 +24,7 @@ enum { WIDE_PAYS = 20000 };
 
 /* A memory bank may save more than its networks take from this number of
  * primitives on. With 15,000 primitives it saves a third of what they take
- * (docs/lab/memory.md). */
+ * (docs/lab/sources.md). */
 enum { BANK_PAYS = 40000 };
 
 /* A hidden layer of F_geo saves more bits of features than its weights take
