@@ -12,7 +12,7 @@
 #   decisions  a paragraph of docs/design has at most 10 lines
 #   dates      every page of docs/lab has a date
 #   lists      docs/lab/README.md and docs/design/README.md name every page of
-#              their folders and of archive/
+#              their folders
 #   examples   the commits that docs/adding.md names are in the history, with
 #              that subject, if the history is complete
 #   metrics    docs/metrics.md has a row for each metric of saga eval
@@ -87,14 +87,13 @@ done >"$tmp/bad"
 verdict decisions
 
 # ---- dates
-grep -LE '20[0-9]{2}-[0-9]{2}-[0-9]{2}' docs/lab/[a-z]*.md \
-    docs/lab/archive/*.md >"$tmp/bad" || :
+grep -LE '20[0-9]{2}-[0-9]{2}-[0-9]{2}' docs/lab/[a-z]*.md >"$tmp/bad" || :
 verdict dates
 
 # ---- lists
 for folder in docs/lab docs/design; do
-    for f in "$folder"/[a-z]*.md "$folder"/archive/*.md; do
-        [ ! -e "$f" ] || grep -q "(${f#"$folder"/})" "$folder/README.md" ||
+    for f in "$folder"/[a-z]*.md; do
+        grep -q "(${f#"$folder"/})" "$folder/README.md" ||
             echo "$f: not in $folder/README.md"
     done
 done >"$tmp/bad"
