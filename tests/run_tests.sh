@@ -268,6 +268,7 @@ many() {
     check ksy python3 tests/check_ksy.py
     check metrics python3 tests/cli/check_metrics.py
     check python python3 tests/cli/check_python.py
+    check fields python3 tests/cli/check_fields.py
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py
