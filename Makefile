@@ -719,16 +719,17 @@ numerics:
 	    CORE_CFLAGS=-mgeneral-regs-only $(BUILD)/numerics-plain/bench_numerics
 	@lab/numerics.py $(BUILD) docs/results demo=docs/demo.saga $(SCENES)
 
-# Writes the vectors again, except those of vectors/v1 and vectors/v1-more, which
-# may never change.
-# Look at the differences before you commit them: a vector may change only if the
-# program that makes it does.
+# Writes the vectors again that are made from a seed or by edits, and prints the
+# lines that a new one needs in MANIFEST and PICTURES. No other file may change.
 $(BUILD)/make_vectors $(BUILD)/make_worst $(BUILD)/transcode: $(BUILD)/%: \
     $(OBJ)/tests/stream/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(call say,LINK)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 vectors: $(BUILD)/make_vectors $(BUILD)/transcode $(BUILD)/check_vectors
-	$(BUILD)/make_vectors vectors
+	$(BUILD)/make_vectors vectors <tests/stream/streams.txt \
+	    >$(BUILD)/streams.lines
+	! grep -vxF -f vectors/MANIFEST -f vectors/PICTURES \
+	    $(BUILD)/streams.lines
 	tests/stream/make_refusals.py $(BUILD)/transcode vectors
 	SAGA_CHECK_VECTORS=$(BUILD)/check_vectors tests/check_frozen.py
 
@@ -794,7 +795,7 @@ make prove       no overflow and no access outside, by Frama-C: 2 CPU minutes
 make fuzz        libFuzzer on decoder, readers, paths, server, MINUTES=5 each
 
 Generate
-make vectors     writes vectors/ again
+make vectors     writes vectors/good and REFUSALS again
 make ksy         writes docs/bitstream.ksy from the tables of bitstream.md
 make compile_commands.json   how each file is compiled, for editors
 
