@@ -147,15 +147,15 @@ PLACES = [
      ]),
 
     # --- Scaffold ------------------------------------------------------------
-    ("common/scaffold.c", "+        p->x[i] = fx_clamp64(p->x[i] + "
-     "fx_rshift64((int64_t)p->support[i] *\n"
-     "                                                   offset_q14[i], 14),\n"
-     "                             SAGA_X_MIN, SAGA_X_MAX);", [
+    ("common/scaffold.c", "+        p->x[i] = fx_clamp64(\n"
+     "            p->x[i] + fx_rshift64((int64_t)p->support[i] * "
+     "offset_q14[i], 14),\n"
+     "            SAGA_X_MIN, SAGA_X_MAX);", [
          (A, "a position is at its bound, -2^23", "p->x[i] == SAGA_X_MIN"),
          (A, "a position is at its bound, 2^23 - 1", "p->x[i] == SAGA_X_MAX"),
      ]),
-    ("common/scaffold.c", "                                         "
-     "offset_q14[3], 14), 0, SAGA_T_MAX);\n", [
+    ("common/scaffold.c", "p->support[3] * offset_q14[3], 14), 0,\n"
+     "        SAGA_T_MAX);\n", [
          (A, "a time is at its bound, 0", "p->t == 0"),
          (A, "a time is at its bound, 65535", "p->t == SAGA_T_MAX"),
      ]),
@@ -379,7 +379,7 @@ PLACES = [
         (B, "fps_num / fps_den is no integer",
          "dec->header.fps_num % dec->header.fps_den"),
     ]),
-    ("decoder/draw.c", "                    block_at(dec, "
+    ("decoder/draw.c", "        keys, (saga_key *)(void *)block_at(dec, "
      "dec->plan.keys_tmp_at), n);\n", [
          (A, "no primitive is left", "n == 0"),
          (A, "two splats have the same depth",
