@@ -15,11 +15,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-const char *const mutate_class_text[MUTATE_N_CLASSES] = {
-    "raw",    "raw signed", "header", "index", "networks", "base",
-    "counts", "coarse",     "fine",   "prim",  "order"
-};
-
 const char *const mutate_stage_text[MUTATE_N_STAGES] = {
     "header", "size", "index", "nets", "segment", "tree",
     "coarse", "fine", "prim",  "view", "drawn"
@@ -519,49 +514,28 @@ static void repair_all(mutate_file *f)
 
 /* --- Damage -------------------------------------------------------------- */
 
-/* Returns a random number from 1 to 64, mostly to 4, and at most n. */
-static size_t few(uint64_t *r, size_t n)
+/* Returns a random number from 0 to 64, mostly to 4. */
+static size_t few(uint64_t *r)
 {
-    const size_t k = 1 + pick(r, pick(r, 4) ? 4 : 64);
-
-    return k < n ? k : n;
+    return pick(r, pick(r, 4) ? 5 : 65);
 }
 
-static void insert(mutate_part *part, uint64_t *r)
+/* Replaces a few bytes from a place on by as many, more or fewer, which are
+ * random, equal, or a copy of others. */
+static void splice(mutate_part *part, size_t at, uint64_t *r)
 {
-    const size_t at = pick(r, (uint32_t)part->n + 1), k = few(r, 64);
-    const size_t rest = part->n - at;
-
-    resize(part, part->n + k);
-    memmove(part->p + at + k, part->p + at, rest);
-    for (size_t i = 0; i < k; i++)
-        part->p[at + i] = (uint8_t)gen_random(r);
-}
-
-static void delete (mutate_part *part, uint64_t *r)
-{
-    const size_t at = pick(r, (uint32_t)part->n);
-    const size_t k = few(r, part->n - at);
-
-    memmove(part->p + at, part->p + at + k, part->n - at - k);
-    resize(part, part->n - k);
-}
-
-static void overwrite(mutate_part *part, uint64_t *r)
-{
-    const size_t at = pick(r, (uint32_t)part->n);
-    const size_t k = few(r, part->n - at);
+    const size_t left = part->n - at, wanted = few(r), more = few(r);
+    const size_t old = wanted < left ? wanted : left;
     const uint32_t how = pick(r, 4);
-    const size_t from = pick(r, (uint32_t)(part->n - k) + 1);
+    const uint8_t same = how == 0 ? 0 : how == 1 ? 255 : (uint8_t)gen_random(r);
 
-    if (how == 3)
-        memmove(part->p + at, part->p + from, k);
-    else
-        memset(part->p + at,
-               how == 0   ? 0
-               : how == 1 ? 255
-                          : (int)pick(r, 256),
-               k);
+    resize(part, part->n + more);
+    memmove(part->p + at + more, part->p + at + old, left - old);
+    resize(part, part->n - old);
+    for (size_t i = 0; i < more; i++)
+        part->p[at + i] = how < 2    ? same
+                          : how == 2 ? part->p[(at + i) / 2]
+                                     : (uint8_t)gen_random(r);
 }
 
 /* Makes one change at a random place of a payload. Half of the places are in
@@ -569,21 +543,14 @@ static void overwrite(mutate_part *part, uint64_t *r)
 static void damage(mutate_part *part, uint64_t *r)
 {
     const uint32_t how = pick(r, 8);
-    size_t at;
+    size_t at = part->n ? pick(r, (uint32_t)part->n) : 0;
 
-    if (part->n == 0 || how == 0) {
-        insert(part, r);
-        return;
-    }
-    at = pick(r, (uint32_t)part->n);
-    if (pick(r, 2))
+    if (part->n && pick(r, 2))
         at = part->n - 1 - at % (part->n / 8 + 1);
-    if (how == 1)
-        delete (part, r);
-    else if (how == 2)
-        resize(part, at);
+    if (part->n == 0 || how < 3)
+        splice(part, at, r);
     else if (how == 3)
-        overwrite(part, r);
+        resize(part, at);
     else if (how < 6)
         part->p[at] ^= (uint8_t)(1u << pick(r, 8));
     else
@@ -616,148 +583,77 @@ static uint32_t odd_value(uint64_t *r)
     return odd[pick(r, sizeof odd / sizeof *odd)];
 }
 
-static void damage_level(saga_tier *l, uint64_t *r)
-{
-    const uint32_t v = odd_value(r);
+/* A member of the header with elements of nbytes each, and the values that one
+ * of them gets: n from `low` on, or any if n is 0. */
+typedef struct {
+    size_t at, size;
+    uint8_t nbytes, low, n;
+} member;
 
-    switch (pick(r, 7)) {
-    case 0:
-        l->n_groups = (uint8_t)(1 + v % 16);
-        break;
-    case 1:
-        l->window = (uint8_t)(v % 33);
-        break;
-    case 2:
-        l->neighbours = (uint8_t)(1 + v % 16);
-        break;
-    case 3:
-        l->suffix_bits = (uint8_t)(v % 9);
-        break;
-    case 4:
-        l->max_children = (uint8_t)(1 + v % 16);
-        break;
-    case 5:
-        l->radius2_q12 = (uint16_t)v;
-        break;
-    default:
-        l->softmax_q8 = (uint16_t)v;
-        break;
+#define EACH(name, element, low, n)                                           \
+    {                                                                         \
+        offsetof(saga_header, name), sizeof((saga_header *)0)->name, element, \
+            low, n                                                            \
     }
-}
+#define ONE(name, low, n) EACH(name, sizeof((saga_header *)0)->name, low, n)
+#define TIER(i)                                                           \
+    ONE(model.tier[i].n_groups, 1, 16), ONE(model.tier[i].window, 0, 33), \
+        ONE(model.tier[i].neighbours, 1, 16),                             \
+        ONE(model.tier[i].suffix_bits, 0, 9),                             \
+        ONE(model.tier[i].max_children, 1, 16),                           \
+        ONE(model.tier[i].radius2_q12, 0, 0),                             \
+        ONE(model.tier[i].softmax_q8, 0, 0)
 
-static void damage_memory(saga_model *m, uint64_t *r)
+static const member members[] = { ONE(level, 0, 8),
+                                  ONE(n_segments, 0, 0),
+                                  ONE(n_frames, 0, 0),
+                                  ONE(max.coarse, 0, 0),
+                                  ONE(max.fine, 0, 0),
+                                  ONE(max.prim, 0, 0),
+                                  ONE(nets_nbytes, 0, 0),
+                                  ONE(fps_num, 0, 0),
+                                  ONE(header_nbytes, 0, 0),
+                                  ONE(base.coarse, 0, 0),
+                                  ONE(base.fine, 0, 0),
+                                  ONE(base.prim, 0, 0),
+                                  ONE(base_nbytes, 0, 0),
+                                  ONE(more_layers, 0, 16),
+                                  ONE(model.features, 0, 0),
+                                  ONE(model.octaves, 0, 0),
+                                  ONE(model.bank_slots, 0, 0),
+                                  ONE(model.bank_width, 0, 0),
+                                  ONE(model.bank_blocks, 0, 9),
+                                  ONE(model.lambda_t_q8, 0, 0),
+                                  EACH(model.sources, 1, 0, 16),
+                                  EACH(model.step_q16, 4, 0, 0),
+                                  EACH(model.out_q, 1, 0, 22),
+                                  EACH(model.q_in, 1, 0, 17),
+                                  EACH(model.width, 1, 0, 0),
+                                  TIER(0),
+                                  TIER(1) };
+
+/* Changes a bit of the tools, or an element of a member. */
+static void damage_field(saga_header *h, uint64_t *r)
 {
-    switch (pick(r, 4)) {
-    case 0:
-        m->tools ^= SAGA_TOOL_PLAIN_WRITE;
-        break;
-    case 1:
-        m->bank_slots = (uint16_t)(1u << pick(r, 11));
-        break;
-    case 2:
-        m->bank_width = (uint8_t)(8 * pick(r, 10));
-        break;
-    default:
-        m->bank_blocks = (uint16_t)pick(r, 9);
-        break;
+    const uint32_t i = pick(r, sizeof members / sizeof *members + 4);
+    const member *const m = &members[i];
+    uint32_t v = odd_value(r);
+
+    if (i >= sizeof members / sizeof *members) {
+        h->model.tools ^= 1u << pick(r, 13);
+        return;
     }
-}
+    if (m->n)
+        v = m->low + v % m->n;
+    const uint16_t half = (uint16_t)v;
+    const uint8_t byte = (uint8_t)v;
 
-static void damage_model(saga_model *m, uint64_t *r)
-{
-    const uint32_t v = odd_value(r);
-
-    switch (pick(r, 9)) {
-    case 0:
-        m->tools ^= 1u << pick(r, 13);
-        break;
-    case 1:
-        m->sources[pick(r, 3)] = (uint8_t)(v & 15u);
-        break;
-    case 2:
-        m->lambda_t_q8 = (uint16_t)v;
-        break;
-    case 3:
-        m->step_q16[pick(r, SAGA_N_STEPS)] = v;
-        break;
-    case 4:
-        m->out_q[pick(r, SAGA_N_OUTS)] = (uint8_t)(v % 22);
-        break;
-    case 5:
-        m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17);
-        break;
-    case 6:
-        m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v;
-        break;
-    case 7:
-        damage_memory(m, r);
-        break;
-    default:
-        damage_level(&m->tier[pick(r, 2)], r);
-        break;
-    }
-}
-
-static void damage_fields(saga_header *h, uint64_t *r)
-{
-    const uint32_t v = odd_value(r);
-
-    switch (pick(r, 29)) {
-    case 0:
-        h->level = (uint8_t)(v & 7u);
-        break;
-    case 1:
-        h->n_segments = v;
-        break;
-    case 2:
-        h->n_frames = v;
-        break;
-    case 3:
-        h->max.coarse = v;
-        break;
-    case 4:
-        h->max.fine = v;
-        break;
-    case 5:
-        h->max.prim = v;
-        break;
-    case 6:
-        h->nets_nbytes = v;
-        break;
-    case 7:
-        h->fps_num = v;
-        break;
-    case 8:
-        h->header_nbytes = v;
-        break;
-    case 9:
-        h->model.features = (uint8_t)v;
-        break;
-    case 10:
-        h->model.octaves = (uint8_t)v;
-        break;
-    case 11:
-        h->model.bank_slots = (uint16_t)v;
-        break;
-    case 12:
-        h->base.coarse = v;
-        break;
-    case 13:
-        h->base.fine = v;
-        break;
-    case 14:
-        h->base.prim = v;
-        break;
-    case 15:
-        h->base_nbytes = v;
-        break;
-    case 16:
-        h->more_layers = (uint8_t)(v & 15u);
-        break;
-    default:
-        damage_model(&h->model, r);
-        break;
-    }
+    memcpy((uint8_t *)h + m->at +
+               m->nbytes * pick(r, (uint32_t)(m->size / m->nbytes)),
+           m->nbytes == 4   ? (const void *)&v
+           : m->nbytes == 2 ? (const void *)&half
+                            : &byte,
+           m->nbytes);
 }
 
 static void damage_header(mutate_file *f, uint64_t *r)
@@ -777,7 +673,7 @@ static void damage_header(mutate_file *f, uint64_t *r)
         saga_header_io(&in, &h);
         room = saga_rig_offset(&h);
         saga_tools_io(&in, &h);
-        damage_fields(&h, r);
+        damage_field(&h, r);
         saga_header_io(&out, &h);
         /* If the damage turned on a tool, its fields may not fit. */
         if (saga_rig_offset(&h) <= room)
@@ -836,35 +732,26 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
                                                        n_chunks(f));
     const uint32_t layer = segment + 3 * pick(r, f->n_layers);
 
-    switch (c) {
-    case MUTATE_IN_HEADER:
+    const uint32_t part[MUTATE_N_CLASSES] = {
+        [MUTATE_IN_NETWORKS] = 1,
+        [MUTATE_IN_BASE] = f->segments == 2 ? 1 : 2 + pick(r, 3),
+        [MUTATE_IN_COARSE] = layer + 1,
+        [MUTATE_IN_FINE] = layer + 2,
+        [MUTATE_IN_PRIM] = layer + 3
+    };
+
+    if (c == MUTATE_IN_HEADER) {
         damage_header(f, r);
         return fx_load32_le(f->header + SAGA_MAGIC_NBYTES) == f->header_nbytes;
-    case MUTATE_IN_INDEX:
-        damage_some(&f->part[0], r);
-        return 0;
-    case MUTATE_IN_NETWORKS:
-        damage_some(&f->part[1], r);
-        return 1;
-    case MUTATE_IN_BASE:
-        damage_some(&f->part[f->segments == 2 ? 1 : 2 + pick(r, 3)], r);
-        return 0;
-    case MUTATE_IN_COUNTS:
-        damage_counts(&f->part[segment], r);
-        return 0;
-    case MUTATE_IN_COARSE:
-        damage_some(&f->part[layer + 1], r);
-        return 1;
-    case MUTATE_IN_FINE:
-        damage_some(&f->part[layer + 2], r);
-        return 1;
-    case MUTATE_IN_PRIM:
-        damage_some(&f->part[layer + 3], r);
-        return 1;
-    default:
-        damage_order(f, r);
-        return 0;
     }
+    if (c == MUTATE_IN_COUNTS)
+        damage_counts(&f->part[segment], r);
+    else if (c == MUTATE_IN_ORDER)
+        damage_order(f, r);
+    else
+        damage_some(&f->part[part[c]], r);
+    return c == MUTATE_IN_NETWORKS ||
+           (c >= MUTATE_IN_COARSE && c <= MUTATE_IN_PRIM);
 }
 
 /* Cuts or extends the networks' chunk to what is read, if its rows are valid.

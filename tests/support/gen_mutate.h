@@ -75,8 +75,6 @@ typedef enum mutate_class {
     MUTATE_N_CLASSES
 } mutate_class;
 
-extern const char *const mutate_class_text[MUTATE_N_CLASSES];
-
 /* Makes networks whose outputs lie at their limits but are valid. */
 void mutate_extreme_nets(gen_stream *g, uint64_t *r);
 
