@@ -608,33 +608,6 @@ TEST(adaptive_models_should_keep_every_symbol)
     }
 }
 
-TEST(models_of_sets_should_begin_with_every_symbol)
-{
-    for (uint32_t n = 1; n < SAGA_MAX_ADAPTIVE; n++) {
-        saga_adaptive m;
-
-        saga_adaptive_init_binomial(&m, n);
-        assert_frequencies(&m, n + 1);
-        assert_int_equal(m.seen, 0);
-    }
-}
-
-TEST(residual_tables_should_have_every_symbol)
-{
-    for (uint32_t scale = 0; scale < SAGA_N_SCALES; scale++) {
-        const saga_scale_row row = saga_prob_scale(scale);
-
-        assert_true(row.max >= 1 && row.max <= 255);
-        assert_int_equal(row.start[0], 0);
-        assert_true(row.start[1] >= 1);
-        for (uint32_t m = 1; m <= row.max; m++) {
-            assert_true(row.start[m + 1] >= row.start[m] + 2);
-            assert_int_equal((row.start[m + 1] - row.start[m]) % 2, 0);
-        }
-        assert_true(row.start[row.max + 1] < SAGA_PROB_TOTAL);
-    }
-}
-
 /* --- Length -------------------------------------------------------------- */
 
 static double bits_of(uint32_t frequency)
