@@ -3,6 +3,7 @@
 """check_fields.py: guarantees that the decoder reads docs/bitstream.md as
 stream/film.py and levels.py do, for every good vector:
 
+  levels    the limits of levels.py and of saga.h are the page's
   info      saga_probe gives the header's fields and section 9's numbers
   rig       saga_rig gives each camera's fields, also where all bytes differ
   segments  saga_find and saga_decode give index and counts; a segment that is
@@ -16,6 +17,7 @@ BUILD=... or build has libsaga.so.0, which `make shared` makes.
 """
 import ctypes
 import os
+import re
 import subprocess
 import sys
 
@@ -133,8 +135,26 @@ def check_info(f):
              "n_coarse", "n_fine", "n_prim", "nbytes")),
           i.tools >> 3 & 3, f.get("header.more_layers") + 1, f.head_nbytes])
     every = dict(zip(levels.NAMES, figures(f).all()))
-    same(f"{f.name}: weights, work", [i.n_weights, i.work],
-         [every["weights"], every["work"]])
+    same(f"{f.name}: weights, work, bytes of work",
+         [i.n_weights, i.work, i.work_nbytes],
+         [every[n] for n in ("weights", "work", "work_bytes")])
+
+
+def check_levels():
+    """Compares the tables of levels with levels.py, by which REFUSALS tries
+    each limit."""
+    found = [page.cells_of(line) for line in page.lines
+             if re.match(r"\| [0-3] \|( [\d^,]+ \|){3}", line)]
+    with open("decoder/saga.h", encoding="ascii") as f:
+        covers = re.findall(r"(\d+)u", re.search(
+            r"SAGA_COVER_MAX\(level\).*\n.*\n", f.read())[0])
+    for level, caps in enumerate(levels.CAPS):
+        first, second = [
+            [2 ** int(c[2:]) if c[:2] == "2^" else 0 if c == "all networks"
+             else int(c.replace(",", "") or 99) for c in cells[1:]]
+            for cells in (found[level], found[level + 4])]
+        same(f"level {level}", tuple(first + second[:2]), caps)
+        same(f"cover of level {level}", second[2], int(covers[level]))
 
 
 def check_rig(f):
@@ -281,6 +301,8 @@ def check_names(f):
 def main():
     everything = [Film(FOLDER, name).open() for name in NAMES]
     by_name = {f.name: f for f in everything}
+    check_levels()
+    v.verdict("levels")
     for name, check in (("info", check_info), ("rig", check_rig),
                         ("segments", check_segments)):
         for f in everything:

@@ -4,7 +4,6 @@
  * the views tell, refuse wrong arguments and calls out of order, and refuse
  * files that are cut anywhere.
  */
-#include "crc32c.h"
 #include "player.h"
 #include "project.h"
 #include "testing.h"
@@ -16,31 +15,6 @@ static const gen_options options = { .seed = 12,
                                      .tools_fixed = 1,
                                      .tools = SAGA_TOOLS_PICTURE,
                                      .n_segments = 2 };
-
-/* Draws the whole picture; *crc is that of the pixels, if it is drawn. */
-static saga_status draw(uint32_t *crc, const saga_decoder *dec,
-                        const saga_camera *c)
-{
-    enum { TILE = 16, LIST = 300 };
-    static uint8_t pixels[3 * 160 * 120];
-    static _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
-    const size_t nbytes = 3u * c->width * c->height;
-    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
-    saga_job job = { .x1 = c->width,
-                     .y1 = c->height,
-                     .tile = TILE,
-                     .list_capacity = LIST,
-                     .scratch = scratch,
-                     .scratch_nbytes = sizeof scratch };
-    saga_status s;
-
-    assert_true(nbytes <= sizeof pixels);
-    do
-        s = saga_draw(dec, &job, &picture, 10000);
-    while (s == SAGA_AGAIN);
-    *crc = saga_crc32c(0, pixels, nbytes);
-    return s;
-}
 
 /* --- Colours ------------------------------------------------------------- */
 
@@ -95,7 +69,7 @@ static void check_colours(uint32_t tools)
     player_decode(&p, 0);
     player_view(&p, 1, t);
     c = p.camera;
-    assert_ok(draw(&crc, p.dec, &c));
+    assert_ok(player_draw(&crc, p.dec, &c));
     n = see_all(list, &p, &c, t);
     assert_true(n > 5);
     made = must(malloc(n * sizeof *made));
@@ -133,7 +107,7 @@ static void check_colours(uint32_t tools)
     assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre, NULL),
                      SAGA_ERR_ARG);
     assert_int_equal(made[0].colour_q15[0], 257);
-    assert_ok(draw(&again, p.dec, &c));
+    assert_ok(player_draw(&again, p.dec, &c));
     assert_int_equal(again, crc);
 }
 
@@ -248,7 +222,7 @@ static void assert_nothing_decoded(saga_decoder *dec, const saga_camera *c)
     assert_int_equal(saga_primitive_at(&a, dec, 0, 0), SAGA_ERR_STATE);
     assert_int_equal(saga_view(dec, c, 0), SAGA_ERR_STATE);
     assert_int_equal(saga_splat_at(&s, dec, 0), SAGA_ERR_STATE);
-    assert_int_equal(draw(&crc, dec, c), SAGA_ERR_STATE);
+    assert_int_equal(player_draw(&crc, dec, c), SAGA_ERR_STATE);
 }
 
 static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
@@ -260,7 +234,7 @@ static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
     assert_ok(saga_tell(&report, dec));
     assert_int_equal(report.n_splats, 0);
     assert_int_equal(saga_splat_at(&s, dec, 0), SAGA_ERR_STATE);
-    assert_int_equal(draw(&crc, dec, c), SAGA_ERR_STATE);
+    assert_int_equal(player_draw(&crc, dec, c), SAGA_ERR_STATE);
 }
 
 TEST(calls_out_of_order_should_be_refused)
@@ -275,7 +249,7 @@ TEST(calls_out_of_order_should_be_refused)
     assert_no_view(p.dec, &p.camera);
     player_view(&p, 0, 0);
     assert_int_not_equal(p.report.n_splats, 0);
-    assert_ok(draw(&crc, p.dec, &p.camera));
+    assert_ok(player_draw(&crc, p.dec, &p.camera));
     player_decode(&p, 0);
     assert_no_view(p.dec, &p.camera);
     player_view(&p, 0, 0);
@@ -309,28 +283,5 @@ TEST(cut_segment_should_be_refused)
         memcpy(copy, p.bytes + seg.offset, n);
         assert_int_equal(saga_decode(p.dec, &seg, copy, n, NULL),
                          SAGA_ERR_TRUNCATED);
-    }
-}
-
-/* Every length a head may be cut to. */
-TEST(cut_head_should_be_refused)
-{
-    const gen_options o = {
-        .seed = 3, .level = 0, .n_coarse = 2, .tools_fixed = 1
-    };
-    FREED_BY(player_close) player p;
-    saga_segment seg;
-    saga_decoder *dec;
-
-    player_make(&p, &o);
-    for (size_t n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
-        FREED uint8_t *const copy = must(malloc(n ? n : 1));
-
-        memcpy(copy, p.bytes, n);
-        assert_int_equal(
-            saga_open(&dec, p.work, p.info.work_nbytes, copy, n, NULL),
-            SAGA_ERR_TRUNCATED);
-        assert_null(dec);
-        assert_int_equal(saga_find(&seg, copy, n, 0, 1), SAGA_ERR_TRUNCATED);
     }
 }

@@ -15,6 +15,7 @@
 #include "gen_stream.h"
 #include "head.h"
 #include "plan.h"
+#include "player.h"
 #include "saga.h"
 #include "testing.h"
 
@@ -43,15 +44,15 @@ typedef struct {
     saga_info info;
     uint8_t *work; /* info.work_nbytes, then canaries */
     saga_decoder *dec;
-} player;
+} block;
 
-static void fill_block(player *p)
+static void fill_block(block *p)
 {
     memset(p->work, CANARY, p->info.work_nbytes + N_CANARIES);
 }
 
 /* Prepares everything except the decoder; p->g is set already. */
-static void prepare(player *p)
+static void prepare(block *p)
 {
     gen_stream_encode(&p->g, &p->bytes, &p->n);
     assert_ok(saga_probe(&p->info, p->bytes, p->n));
@@ -61,7 +62,7 @@ static void prepare(player *p)
     fill_block(p);
 }
 
-static void begin(player *p, const gen_options *o)
+static void begin(block *p, const gen_options *o)
 {
     memset(p, 0, sizeof *p);
     p->g = gen_stream_make(o);
@@ -70,20 +71,20 @@ static void begin(player *p, const gen_options *o)
                         p->info.head_nbytes, NULL));
 }
 
-static void end(player *p)
+static void end(block *p)
 {
     free(p->work);
     free(p->bytes);
     gen_stream_free(&p->g);
 }
 
-static void assert_canaries(const player *p)
+static void assert_canaries(const block *p)
 {
     for (uint32_t i = 0; i < N_CANARIES; i++)
         assert_int_equal(p->work[p->info.work_nbytes + i], CANARY);
 }
 
-static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
+static saga_status decode(block *p, saga_decoder *dec, uint32_t number)
 {
     saga_segment seg;
     uint32_t frame = 0;
@@ -95,7 +96,7 @@ static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
     return saga_decode(dec, &seg, p->bytes + seg.offset, seg.nbytes, NULL);
 }
 
-static saga_camera rig(const player *p, uint32_t index)
+static saga_camera rig(const block *p, uint32_t index)
 {
     saga_camera c;
     uint32_t number;
@@ -106,26 +107,9 @@ static saga_camera rig(const player *p, uint32_t index)
 
 static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
 {
-    enum { TILE = 16, LIST = 300 };
-    const size_t nbytes = 3u * c->width * c->height;
-    FREED uint8_t *const pixels = must(malloc(nbytes));
-    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
-    saga_job job = { 0 };
-    saga_status s;
     uint32_t crc;
 
-    job.x1 = c->width;
-    job.y1 = c->height;
-    job.tile = TILE;
-    job.list_capacity = LIST;
-    job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST);
-    job.scratch = must(malloc(job.scratch_nbytes));
-    do
-        s = saga_draw(dec, &job, &picture, 10000);
-    while (s == SAGA_AGAIN);
-    assert_ok(s);
-    crc = saga_crc32c(0, pixels, nbytes);
-    free(job.scratch);
+    assert_ok(player_draw(&crc, dec, c));
     return crc;
 }
 
@@ -184,7 +168,7 @@ TEST(levels_should_be_those_of_the_public_header)
 
 static void check_open(const gen_options *o)
 {
-    FREED_BY(end) player p;
+    FREED_BY(end) block p;
     saga_decoder *dec;
     const uint8_t *head;
     size_t size, n;
@@ -225,7 +209,7 @@ TEST(open_should_refuse_a_smaller_or_misaligned_block)
 static void check_canaries(const gen_options *o)
 {
     static const int32_t times[] = { 0, 32768, 65535 };
-    FREED_BY(end) player p;
+    FREED_BY(end) block p;
     saga_camera c;
 
     begin(&p, o);
@@ -254,72 +238,6 @@ TEST(decoder_should_stay_inside_its_block)
     }
 }
 
-static uint64_t to_16(uint64_t n)
-{
-    return (n + 15) / 16 * 16;
-}
-
-static uint64_t larger(uint64_t a, uint64_t b)
-{
-    return a > b ? a : b;
-}
-
-static uint64_t nets_of_document(const saga_model *m)
-{
-    uint64_t nbytes = 0;
-    saga_net_shape s;
-
-    for (int net = 0; net < SAGA_N_NETS; net++) {
-        saga_model_net(&s, m, net);
-        for (int i = 0; i < s.n_layers; i++)
-            nbytes += to_16((to_16(s.dim[i]) * (s.int8 ? 1 : 2) + 5) *
-                            s.dim[i + 1]);
-    }
-    return nbytes;
-}
-
-/* Returns the work by docs/bitstream.md, section 5. */
-static uint64_t work_of_document(const saga_header *h)
-{
-    const saga_model *const m = &h->model;
-    const uint64_t f = m->features, slots = m->bank_slots;
-    const uint64_t nc = larger(h->max.coarse, h->base.coarse);
-    const uint64_t nf = larger(h->max.fine, h->base.fine);
-    const uint64_t np = larger(h->max.prim, h->base.prim);
-    const uint64_t all = h->max.prim + h->base.prim;
-    const uint64_t s = m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR]
-                                                 : 3;
-    const uint64_t bank = m->tools & SAGA_TOOL_BANK
-                              ? 2 * slots * to_16(m->bank_width) +
-                                    2 * slots * m->bank_width +
-                                    2 * slots * m->width[SAGA_NET_WRITE] +
-                                    6 * slots + to_16(388)
-                              : 0;
-
-    return 768 + 2 * to_16(f) + nets_of_document(m) + to_16(6630) +
-           to_16(4224) + to_16(72 * all) + to_16(2 * s * all) +
-           larger(bank + to_16(32 * nc) + to_16(2 * f * nc) + to_16(48 * nf) +
-                      to_16(2 * f * nf) + to_16(8 * np),
-                  to_16(44 * all) + 2 * to_16(8 * all));
-}
-
-TEST(block_should_be_as_large_as_the_document_says)
-{
-    uint32_t n_plain = 0;
-
-    for (uint32_t i = 0; i < 64; i++) {
-        const gen_options o = options_of(testing_seed(1), i);
-        saga_header h;
-        FREED_BY(end) player p;
-
-        begin(&p, &o);
-        assert_ok(saga_head_read(&h, p.bytes, p.n));
-        assert_int_equal(p.info.work_nbytes, work_of_document(&h));
-        n_plain += !(h.model.tools & SAGA_TOOL_VIEW);
-    }
-    assert_true(n_plain > 10 && n_plain < 54);
-}
-
 /* The padding of network inputs must be zero after saga_open, whatever the
  * block contained before. */
 TEST(vectors_should_be_empty_when_opened)
@@ -328,7 +246,7 @@ TEST(vectors_should_be_empty_when_opened)
         gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
-        FREED_BY(end) player p;
+        FREED_BY(end) block p;
 
         o.base = 0;
         begin(&p, &o);
@@ -345,7 +263,7 @@ TEST(block_should_be_used_up_to_its_end)
 {
     for (uint32_t i = 0; i < 32; i++) {
         gen_options o = options_of(testing_seed(1), i);
-        FREED_BY(end) player p = { 0 };
+        FREED_BY(end) block p = { 0 };
         saga_symbols *s;
         size_t last;
 
@@ -377,7 +295,7 @@ TEST(tools_should_cost_nothing_when_off)
         saga_header h;
         saga_plan plan;
         saga_bank size;
-        FREED_BY(end) player p;
+        FREED_BY(end) block p;
 
         begin(&p, &o);
         assert_ok(saga_head_read(&h, p.bytes, p.n));
@@ -417,7 +335,7 @@ static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
 
 /* Returns the rounds of a tier. The groups of coarse anchors are read from the
  * decoder's memory, since this test does not decode the tree itself. */
-static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
+static uint32_t rounds_of_tier(const block *p, uint32_t number, int level)
 {
     const saga_model *const m = &p->g.header.model;
     const saga_symbols *const s = &p->g.segment[number];
@@ -441,7 +359,7 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
 }
 
 /* Returns the planned multiply-accumulates of all layers, without a bank. */
-static uint64_t macs_of_layers(const player *p, uint32_t number)
+static uint64_t macs_of_layers(const block *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
     const uint32_t n_layers = p->info.n_layers;
@@ -458,7 +376,7 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
 /* Returns the planned multiply-accumulates of a single layer, without the
  * rounds that do not occur. It is called when segment `number` is decoded and
  * nothing is drawn. */
-static uint64_t macs_of_segment(const player *p, uint32_t number)
+static uint64_t macs_of_segment(const block *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
     const saga_counts *const n = &p->g.segment[number].n;
@@ -517,7 +435,7 @@ TEST(most_steps_should_be_reached_and_never_passed)
 
 static void check_macs(const gen_options *o)
 {
-    FREED_BY(end) player p;
+    FREED_BY(end) block p;
     saga_camera c;
     saga_report report;
 
@@ -585,39 +503,6 @@ TEST(points_should_be_what_the_vectors_hold)
     assert_int_equal(saga_net_points(&nets, (1u << n) - 1), 1);
 }
 
-TEST(info_should_be_that_of_the_header)
-{
-    for (uint32_t i = 0; i < 32; i++) {
-        const gen_options o = options_of(testing_seed(1), i);
-        saga_net_shape s;
-        uint32_t weights = 0, coarse = 0, fine = 0, prim = 0;
-        FREED_BY(end) player p;
-
-        begin(&p, &o);
-        for (uint32_t net = 0; net < SAGA_N_NETS; net++) {
-            saga_model_net(&s, &p.g.header.model, (int)net);
-            weights += saga_net_macs(&s);
-        }
-        assert_int_equal(p.info.n_weights, weights);
-        assert_int_equal(p.info.level, o.level);
-        assert_int_equal(p.info.tools & SAGA_TOOLS_PICTURE, o.tools);
-        assert_int_equal(p.info.motion_order, o.tools >> 3);
-        assert_int_equal(p.info.features, p.g.header.model.features);
-        for (uint32_t k = 0; k < o.n_layers; k++) {
-            const saga_counts *const n = &p.g.segment[k].n;
-
-            coarse = n->coarse > coarse ? n->coarse : coarse;
-            fine = n->fine > fine ? n->fine : fine;
-            prim += n->prim;
-        }
-        assert_int_equal(p.info.n_layers, o.n_layers);
-        assert_int_equal(p.info.max_coarse, coarse);
-        assert_int_equal(p.info.max_fine, fine);
-        assert_int_equal(p.info.max_primitives, prim);
-        assert_int_equal(p.info.n_frames, p.g.n_frames[0]);
-    }
-}
-
 /* --- The decoder is its block -------------------------------------------- */
 
 static const gen_options picture_options = { .seed = 12,
@@ -629,23 +514,23 @@ static const gen_options picture_options = { .seed = 12,
                                              .n_segments = 2 };
 
 /* Copies the block to another aligned place with other neighbours. */
-static saga_decoder *decoder_copy(const player *p, uint8_t **block)
+static saga_decoder *decoder_copy(const block *p, uint8_t **copy)
 {
     const size_t n = p->info.work_nbytes;
     uint8_t *const q = must(
         aligned_alloc(SAGA_WORK_ALIGN, n + SAGA_WORK_ALIGN));
 
-    *block = q;
+    *copy = q;
     memcpy(q + SAGA_WORK_ALIGN, p->work, n);
     return (saga_decoder *)(void *)(q + SAGA_WORK_ALIGN);
 }
 
 TEST(decoder_should_be_movable_at_any_time)
 {
-    FREED_BY(end) player p;
+    FREED_BY(end) block p;
     saga_camera c;
     saga_decoder *at;
-    uint8_t *block;
+    uint8_t *other;
     uint32_t crc;
 
     begin(&p, &picture_options);
@@ -660,23 +545,23 @@ TEST(decoder_should_be_movable_at_any_time)
             assert_ok(decode(&p, p.dec, 0));
         if (when > 1)
             assert_ok(saga_view(p.dec, &c, 20000));
-        at = decoder_copy(&p, &block);
+        at = decoder_copy(&p, &other);
         fill_block(&p); /* the decoder was moved; erase the old place */
         if (when < 1)
             assert_ok(decode(&p, at, 0));
         if (when < 2)
             assert_ok(saga_view(at, &c, 20000));
         assert_int_equal(draw(at, &c), crc);
-        free(block);
+        free(other);
     }
 }
 
 TEST(copy_should_not_follow_its_original)
 {
-    FREED_BY(end) player p;
+    FREED_BY(end) block p;
     saga_camera c;
     saga_decoder *copy;
-    FREED uint8_t *block;
+    FREED uint8_t *place;
     uint32_t crc, other;
 
     begin(&p, &picture_options);
@@ -684,7 +569,7 @@ TEST(copy_should_not_follow_its_original)
     assert_ok(decode(&p, p.dec, 0));
     assert_ok(saga_view(p.dec, &c, 0));
     crc = draw(p.dec, &c);
-    copy = decoder_copy(&p, &block);
+    copy = decoder_copy(&p, &place);
     assert_ok(decode(&p, p.dec, 1));
     assert_ok(saga_view(p.dec, &c, 0));
     other = draw(p.dec, &c);
@@ -693,24 +578,4 @@ TEST(copy_should_not_follow_its_original)
     assert_ok(saga_view(copy, &c, 0));
     assert_int_equal(draw(copy, &c), crc);
     assert_int_equal(draw(p.dec, &c), other);
-}
-
-/* A view must not use what an earlier segment, view or stream left behind. */
-TEST(picture_should_not_depend_on_what_the_block_held)
-{
-    FREED_BY(end) player p;
-    saga_camera c;
-    uint32_t crc[2];
-
-    begin(&p, &picture_options);
-    c = rig(&p, 2);
-    for (int i = 0; i < 2; i++) {
-        memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
-        assert_ok(
-            saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n, NULL));
-        assert_ok(decode(&p, p.dec, 1));
-        assert_ok(saga_view(p.dec, &c, 65535));
-        crc[i] = draw(p.dec, &c);
-    }
-    assert_int_equal(crc[0], crc[1]);
 }

@@ -9,6 +9,7 @@
  * their times printed, and a deadline is tested.
  */
 #include "gen_slow.h"
+#include "player.h"
 #include "saga.h"
 #include "testing.h"
 
@@ -124,153 +125,6 @@ TEST(slowest_should_decode)
             print_message("  level %d, kind %d: %zu bytes, 1/%u in %.3f s\n",
                           level, kind, f.n, share, cpu_seconds() - begin);
         }
-}
-
-/* --- docs/bitstream.md, section 5 ---------------------------------------- */
-
-/* Reads a cell of the table: "262,144", "2^28", or text, which gives 1; an
- * empty cell gives 0. */
-static uint64_t read_cell(const char **s)
-{
-    uint64_t v = 0;
-
-    *s = strchr(*s, '|');
-    assert_non_null(*s);
-    while (*++*s == ' ') {
-    }
-    if (**s >= 'a' && **s <= 'z')
-        v = 1;
-    for (; **s != '|' && **s != '^'; ++*s)
-        if (**s >= '0' && **s <= '9')
-            v = 10 * v + (uint64_t)(**s - '0');
-    return **s == '^' ? 1ull << strtoul(*s + 1, NULL, 10) : v;
-}
-
-/* Rows of section 5's two tables, which begin with the level. */
-TEST(levels_should_be_as_the_tables_say)
-{
-    static const char first[] = "| level | work bytes |";
-    static const char second[] = "| level | anchors |";
-    FILE *const page = fopen("docs/bitstream.md", "r");
-    char line[512];
-    int inside = 0, n = 0;
-
-    assert_non_null(page);
-    while (fgets(line, sizeof line, page)) {
-        const char *s = line;
-        uint64_t v[9];
-
-        inside = strncmp(line, first, sizeof first - 1) == 0     ? 1
-                 : strncmp(line, second, sizeof second - 1) == 0 ? 2
-                 : line[0] == '|'                                ? inside
-                                                                 : 0;
-        if (!inside || line[2] < '0' || line[2] > '9')
-            continue;
-        for (int i = 0; i < (inside == 1 ? 9 : 4); i++)
-            v[i] = read_cell(&s);
-        assert_true(v[0] < SAGA_N_PROFILES);
-        if (inside == 1) {
-            const saga_level_caps *const c = &saga_caps[v[0]];
-            const uint64_t wanted[] = { c->work_nbytes, c->n_coarse,  c->n_fine,
-                                        c->n_prim,      c->n_weights, c->width,
-                                        c->int8_only,   c->n_slots };
-
-            assert_memory_equal(v + 1, wanted, sizeof wanted);
-        } else {
-            const saga_level_caps *const c = &saga_caps[v[0]];
-            const uint64_t wanted[] = { c->n_anchors, c->work, c->cover };
-
-            assert_memory_equal(v + 1, wanted, sizeof wanted);
-        }
-        n++;
-    }
-    fclose(page);
-    assert_int_equal(n, 2 * SAGA_N_PROFILES);
-}
-
-/* r(i) of section 5, for network i of section 9. */
-static uint64_t run_of(const saga_model *m, int net)
-{
-    saga_net_shape s;
-    uint64_t r = 0;
-
-    saga_model_net(&s, m, net);
-    for (int i = 0; i < s.n_layers; i++)
-        r += (uint64_t)s.dim[i] * s.dim[i + 1];
-    return s.n_layers ? r + 4096 : 0;
-}
-
-static uint64_t entropy_of(const saga_model *m, int kind)
-{
-    return run_of(m, 1 + kind) + (m->sources[kind] & 1 ? run_of(m, 0) : 0) +
-           (m->sources[kind] & 8
-                ? run_of(m, 11) + 2ull * m->bank_slots * m->bank_width
-                : 0);
-}
-
-static uint64_t rounds_of(const saga_model *m, int tier, uint64_t n)
-{
-    const uint64_t groups = m->tier[tier].n_groups;
-
-    return n <= groups ? n : groups + (n - groups) / m->bank_blocks;
-}
-
-static uint64_t bank_of(const saga_model *m, uint64_t nc, uint64_t nf)
-{
-    const uint64_t slots = m->bank_slots, width = m->bank_width;
-    const uint64_t write = run_of(m, 14) +
-                           slots * (run_of(m, 15) +
-                                    width * (m->tools & 1 << 10 ? 3 : 5));
-    uint64_t sum;
-
-    if (!(m->tools & 1 << 9))
-        return 0;
-    sum = slots * (run_of(m, 13) + 2 * width) + run_of(m, 12) * nc +
-          write * rounds_of(m, 0, nc);
-    if ((m->sources[1] | m->sources[2]) & 8)
-        sum += run_of(m, 12) * nf + write * rounds_of(m, 1, nf);
-    return sum;
-}
-
-static uint64_t scaffold_of(const saga_model *m, uint64_t nc, uint64_t nf,
-                            uint64_t np)
-{
-    return nc * entropy_of(m, 0) +
-           nf * (entropy_of(m, 1) + entropy_of(m, 2) + run_of(m, 4) +
-                 run_of(m, 6)) +
-           np * (run_of(m, 5) + run_of(m, 7) + run_of(m, 8) +
-                 (m->tools & 4 ? 0 : run_of(m, 10))) +
-           bank_of(m, nc, nf);
-}
-
-/* Section 5's formula, of random streams with any tools. */
-TEST(work_should_be_as_the_formula_says)
-{
-    for (int i = 0; i < 60; i++) {
-        const gen_options o = { .seed = 4000 + (uint64_t)i,
-                                .level = i % 4,
-                                .n_coarse = 30,
-                                .bank = i % 3,
-                                .base = i % 2,
-                                .n_layers = 1 + (uint32_t)i / 2 % 3 };
-        FREED uint8_t *bytes;
-        saga_info info;
-        uint64_t work;
-        size_t n;
-        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
-
-        gen_stream_encode(&g, &bytes, &n);
-        assert_ok(saga_probe(&info, bytes, n));
-        work = scaffold_of(&g.header.model, info.max_coarse, info.max_fine,
-                           info.max_primitives) +
-               (info.n_layers - 1) * scaffold_of(&g.header.model,
-                                                 info.max_coarse, info.max_fine,
-                                                 0);
-        if (o.base)
-            work += scaffold_of(&g.header.model, info.base_coarse,
-                                info.base_fine, info.base_primitives);
-        assert_int_equal(info.work, work);
-    }
 }
 
 /* --- Stopping ------------------------------------------------------------ */
@@ -446,25 +300,13 @@ TEST(deadline_should_be_kept)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-enum { SIDE = 256, TILE = 16, LIST = 1 << 12 };
+enum { SIDE = 256 };
 
 static saga_status draw(const film *f, const saga_camera *c)
 {
-    static uint32_t scratch[SAGA_JOB_NBYTES(TILE, LIST) / 4];
-    static uint8_t rgb[3 * SIDE * SIDE];
-    const saga_picture picture = { rgb, 3u * c->width, sizeof rgb, 8 };
-    saga_job job = { .x1 = c->width,
-                     .y1 = TILE,
-                     .tile = TILE,
-                     .list_capacity = LIST,
-                     .scratch = scratch,
-                     .scratch_nbytes = sizeof scratch };
-    saga_status s;
+    uint32_t crc;
 
-    do
-        s = saga_draw(f->dec, &job, &picture, 1 << 20);
-    while (s == SAGA_AGAIN);
-    return s;
+    return player_draw(&crc, f->dec, c);
 }
 
 static void see_wall(film *f, saga_camera *c, int level, uint32_t n)

@@ -5,6 +5,7 @@
 #include "player.h"
 
 #include "testing.h"
+#include "vectors.h"
 
 void player_open(player *p, const gen_stream *g)
 {
@@ -60,6 +61,18 @@ void player_view(player *p, uint32_t camera, int32_t t)
     assert_ok(saga_rig(&p->camera, &number, p->bytes, p->n, camera));
     assert_ok(saga_view(p->dec, &p->camera, t));
     assert_ok(saga_tell(&p->report, p->dec));
+}
+
+saga_status player_draw(uint32_t *crc, const saga_decoder *dec,
+                        const saga_camera *c)
+{
+    const size_t n = 3u * c->width * (size_t)c->height;
+    FREED uint8_t *const pixels = must(calloc(n, 1));
+    const saga_picture picture = { pixels, 3u * c->width, n, 8 };
+    const saga_status s = saga_draw_whole(dec, c, &picture);
+
+    *crc = saga_crc32c(0, pixels, n);
+    return s;
 }
 
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t)

@@ -32,6 +32,10 @@ void player_decode(player *p, uint32_t number);
 /* Makes the view of a camera of the rig at a time. */
 void player_view(player *p, uint32_t camera, int32_t t);
 
+/* Draws the whole view of a camera; *crc is that of the pixels. */
+saga_status player_draw(uint32_t *crc, const saga_decoder *dec,
+                        const saga_camera *c);
+
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t);
 saga_splat player_splat(const player *p, uint32_t order);
 
