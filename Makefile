@@ -790,7 +790,7 @@ make tables      the generated tables are what gen_tables prints
 make matrix      the vectors with every compiler and emulated target
 make init        no output depends on uninitialised memory
 make mutants     planted mistakes are found by the tests
-make coverage    the vectors reach the extremes that vectors/README.md lists
+make coverage    the vectors reach the extremes that vectors/COVERAGE lists
 make prove       no overflow and no access outside, by Frama-C: 2 CPU minutes
 make fuzz        libFuzzer on decoder, readers, paths, server, MINUTES=5 each
 

@@ -7,12 +7,12 @@ Probes are inserted into a copy of the decoder's plain C code, in coverage/ of
 the build folder: one for each extreme of stream/extremes.py, and one for each
 condition under which the decoder refuses a file (run_small_mutants.py finds
 them). Then check_vectors runs on all vectors, those of v1-more too, and tells
-the probes where each line of a list begins. The results are two tables: the good files
-that reach each extreme, and the lines of bad files that each condition refuses.
+the probes where each line of a list begins. The results are two lists: the
+number of good files that reach each extreme, and the number of lines of bad
+files that each condition refuses.
 
-Fails if a row of a table is empty, if a rule of section 4 of bitstream.md has
-no line of REFUSALS, or if vectors/README.md has other tables; `write` writes
-them there. `places` only checks that the decoder still has the fragments of
+Fails if a number is 0, if a rule of section 4 of bitstream.md has no line of
+REFUSALS, or if vectors/COVERAGE has other lists; `write` writes it. `places` only checks that the decoder still has the fragments of
 text that stream/extremes.py names.
 """
 import os
@@ -29,7 +29,7 @@ import run_small_mutants as small
 
 ROOT = os.path.join(HERE, "..")
 COPY = os.path.join(os.environ.get("BUILD", "build"), "coverage")
-README = "vectors/README.md"
+LIST = "vectors/COVERAGE"
 FOLDERS = ("vectors", "vectors/v1-more")
 # Lines of the second folder about files that the first has, too.
 REPEATED = ("bad/", "sound/", "../v1/good/")
@@ -175,9 +175,7 @@ def run(n_probes):
     return ok, lines
 
 
-# --- Tables ------------------------------------------------------------------
-
-BEGIN, END = "<!-- check_coverage.py begin -->", "<!-- check_coverage.py end -->"
+# --- Lists -------------------------------------------------------------------
 
 # Conditions that no line of a bad file can reach, with the reason.
 UNREACHABLE = {
@@ -204,11 +202,10 @@ def rules_of_the_page():
             yield f"{name}.{number[1]}"
 
 
-def table_of(head, rows):
-    cells = [" | ".join(c.replace("|", "\\|") for c in row) for row in rows]
-    return "\n".join(f"| {row} |" for row in [
-        " | ".join(head), "|".join("---" for _ in head), *cells]
-    ).replace("| ---|", "|---|").replace("--- |", "---|")
+def listed(head, rows):
+    """Returns a list of lines "NUMBER PLACE WHAT" under a heading."""
+    return f"# {head}\n" + "".join(
+        f"{n:3} {place} {what}\n" for n, place, what in rows)
 
 
 def main():
@@ -244,21 +241,17 @@ def main():
         if CONTENTS.get(rule, rule) not in rules:
             ok = fail(f"bitstream.md, {rule}: no line of REFUSALS")
 
-    tables = "\n\n".join((BEGIN, table_of(
-        ("extreme", "page", "files"),
-        [(what, page, str(len(names)))
-         for (page, what), names in zip(good, files)]), table_of(
-             ("condition that refuses", "file", "lines"),
-             [(f"`{term}`", path, UNREACHABLE.get(term, "") if n == 0
-               else str(n)) for (path, term), n in zip(bad, lines)]), END))
-    text = small.read(README)
-    old = text[text.index(BEGIN):text.index(END) + len(END)]
+    new = "# Written by tests/check_coverage.py; README.md explains it.\n"
+    new += listed("good files, page, extreme", (
+        (len(names), page, what) for (page, what), names in zip(good, files)))
+    new += listed("lines that are refused, file, condition [: why none is]", (
+        (n, path, term if n else f"{term}: {UNREACHABLE.get(term)}")
+        for (path, term), n in zip(bad, lines)))
     if "write" in sys.argv[1:]:
-        with open(README, "w") as f:
-            f.write(text.replace(old, tables))
-    elif old != tables:
-        ok = fail(f"{README} has other tables: "
-                  "tests/check_coverage.py write")
+        with open(LIST, "w") as f:
+            f.write(new)
+    elif small.read(LIST) != new:
+        ok = fail(f"{LIST} is another: tests/check_coverage.py write")
     print(f"{'ok  ' if ok else 'FAIL'} coverage: {len(good)} extremes, "
           f"{len(bad)} conditions")
     return not ok
