@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The speed of the trainer's dense networks forward and backward, of its
- * embedding and of Adam.
+ * This program measures the speed of the trainer's dense networks forward and
+ * backward, of its embedding and of Adam.
  */
 #include "adam.h"
 #include "bench_table.h"

@@ -123,7 +123,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
     const film *const f = film_of(n ? data[0] : 0);
     const size_t nbytes = n ? n - 1 : 0;
-    /* A copy of exact size, so that ASan sees every read past its end. */
+    /* The copy has no spare bytes, so that ASan sees every read past its
+     * end. */
     uint8_t *const copy = mutate_must(malloc(nbytes + (nbytes == 0)));
     uint64_t r = saga_crc32c(0, data, n);
     saga_segment segment = f->segment;

@@ -112,7 +112,8 @@ static void write_chunk(uint8_t *out, const mutate_part *part)
     saga_chunk_io(&io, &chunk);
 }
 
-/* Sets the entries of the index to the offsets that the parts will have. */
+/* Writes into the index where each segment will begin and how many bytes it
+ * will have when the file is put together from its parts. */
 static void relink(const mutate_file *f, uint8_t *index, size_t n)
 {
     uint64_t at = f->header_nbytes;

@@ -369,8 +369,9 @@ static void slot_backward(void *user, size_t p)
     for (run = in->runs->n; run-- > 0;) {
         const size_t at = run * slots + p;
 
-        /* `last` changes from the gradient of the state after the round to that
-         * of the state before it, which the round's blocks have read too. */
+        /* Until here `last` is the gradient with respect to the slot after the
+         * round; from here on with respect to the slot before the round. The
+         * blocks of the round have read that slot, which the loop adds. */
         saga_bank_float_update_backward(
             last, k->write.d_out + at * (d + 1),
             m->state + ((in->first + run) * slots + p) * d,

@@ -250,8 +250,9 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
 
         bits += k.bits;
         dx[i] += (real)(price * k.by_y);
-        /* By ln step, y changes by y - x, and dx is the gradient of loss and
-         * price by y. */
+        /* The noisy weight is y = x + step * noise, so its derivative with
+         * respect to ln(step) is y - x. dx is the gradient of the loss, with
+         * the price of bits, with respect to y. */
         by_ln += price * k.by_ln +
                  (double)dx[i] * ((double)y[i] - (double)x[i]);
     }

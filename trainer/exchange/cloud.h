@@ -42,8 +42,9 @@ typedef struct saga_cloud {
 bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
                       saga_error *error);
 
-/* Allocates an empty cloud for what a file announces, if reading that fits into
- * most_nbytes, which stays as it is, like `facts`. `path` serves messages. */
+/* Allocates a cloud for the n splats that the header of a file announces, or
+ * fails if reading them would take more memory than cloud->most_nbytes. Keeps
+ * this member and `facts`. The error names `path`. */
 bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree, const char *path,
                       saga_error *error);
 

@@ -55,8 +55,8 @@ static double quantile(weighted *w, size_t n, double part)
     qsort(w, n, sizeof *w, smaller);
     for (i = 0; i < n; i++)
         all += w[i].weight;
-    /* The loop ends at the last value at the latest, whatever the sums'
-     * rounding. */
+    /* The last value is the result if rounding keeps the sum from reaching
+     * part * all. */
     for (i = 0; i + 1 < n && sum + w[i].weight < part * all; i++)
         sum += w[i].weight;
     return w[i].value;
