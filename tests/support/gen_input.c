@@ -6,9 +6,7 @@
 #include "cloud_files.h"
 #include "colmap.h"
 #include "film_sound.h"
-#include "gen_cloud.h"
 #include "gen_mutate.h"
-#include "gen_stream.h"
 #include "layout.h"
 #include "npy.h"
 #include "picture.h"
@@ -22,10 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <tiffio.h>
-#include <turbojpeg.h>
 #include <unistd.h>
-#include <webp/encode.h>
 #include <zlib.h>
 
 const char *const input_kind_text[INPUT_N_KINDS] = { "PNG",
@@ -87,29 +82,6 @@ static void put(bytes *b, const void *data, size_t n)
     b->n += n;
 }
 
-static void put_text(bytes *b, const char *text)
-{
-    put(b, text, strlen(text));
-}
-
-/* Appends the lowest n bytes of x, in little-endian order. */
-static void put_le(bytes *b, uint64_t x, int n)
-{
-    for (int i = 0; i < n; i++) {
-        const uint8_t byte = (uint8_t)(x >> 8 * i);
-
-        put(b, &byte, 1);
-    }
-}
-
-static void put_f64(bytes *b, double x)
-{
-    uint64_t bits;
-
-    memcpy(&bits, &x, sizeof bits);
-    put_le(b, bits, 8);
-}
-
 static const char *path_of(const char *name)
 {
     static char path[2][80];
@@ -127,27 +99,25 @@ static void write_file(const char *name, const uint8_t *p, size_t n)
     check(f && fwrite(p, 1, n, f) == n && fclose(f) == 0, name);
 }
 
-static uint8_t *read_file(const char *name, size_t *n)
+static uint8_t *read_file(const char *path, size_t *n)
 {
-    FILE *const f = fopen(path_of(name), "rb");
-    uint8_t *p = must(malloc(1 << 16));
+    FILE *const f = fopen(path, "rb");
+    uint8_t *p = must(malloc(1 << 17));
 
-    check(f != NULL, name);
-    *n = fread(p, 1, 1 << 16, f);
+    check(f != NULL, path);
+    *n = fread(p, 1, 1 << 17, f);
     fclose(f);
     return p;
 }
 
-static void write_pixels(const char *name, int exr)
+static void write_pixels(const char *name)
 {
     saga_error error = { "" };
     uint8_t rgb[3 * W * H];
 
     for (int i = 0; i < 3 * W * H; i++)
         rgb[i] = (uint8_t)(i * i * 37 >> 3);
-    check(exr ? saga_exr_write(path_of(name), W, H, rgb, &error)
-              : saga_png_write(path_of(name), W, H, rgb, &error),
-          error.message);
+    check(saga_png_write(path_of(name), W, H, rgb, &error), error.message);
 }
 
 void input_begin(void)
@@ -159,9 +129,9 @@ void input_begin(void)
               mkdir(path_of("sports/ims"), 0700) == 0 &&
               mkdir(path_of("toml"), 0700) == 0,
           "no folder can be made");
-    write_pixels("sports/ims/a.png", 0);
-    write_pixels("a.png", 0);
-    write_pixels("b.png", 0);
+    write_pixels("sports/ims/a.png");
+    write_pixels("a.png");
+    write_pixels("b.png");
 }
 
 static void remove_files(const char *path)
@@ -190,248 +160,6 @@ void input_end(void)
 
 /* --- Valid files --------------------------------------------------------- */
 
-static void seed_jpeg(bytes *b)
-{
-    const tjhandle encoder = must(tjInitCompress());
-    unsigned char *jpeg = NULL, rgb[3 * W * H];
-    unsigned long n = 0;
-
-    for (int i = 0; i < 3 * W * H; i++)
-        rgb[i] = (unsigned char)(i * i * 37 >> 3);
-    check(tjCompress2(encoder, rgb, W, 0, H, TJPF_RGB, &jpeg, &n, TJSAMP_420,
-                      90, TJFLAG_PROGRESSIVE) == 0,
-          "no JPEG");
-    put(b, jpeg, n);
-    tjFree(jpeg);
-    tjDestroy(encoder);
-}
-
-/* RGB with opacity by LZW, or YCbCr, which only JPEG makes of RGB. Three strips
- * of 16 rows: JPEG has blocks of these. */
-static uint8_t *seed_tiff(int ycbcr, size_t *n)
-{
-    enum { H48 = 48, ROWS = 16 };
-    const uint16_t opacity = EXTRASAMPLE_UNASSALPHA;
-    const int each = ycbcr ? 3 : 4;
-    uint8_t strip[4 * W * ROWS];
-    TIFF *const t = must(TIFFOpen(path_of("seed"), "w"));
-
-    for (int i = 0; i < 4 * W * ROWS; i++)
-        strip[i] = (uint8_t)(i * i * 37 >> 3);
-    TIFFSetField(t, TIFFTAG_IMAGEWIDTH, W);
-    TIFFSetField(t, TIFFTAG_IMAGELENGTH, H48);
-    TIFFSetField(t, TIFFTAG_BITSPERSAMPLE, 8);
-    TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, each);
-    TIFFSetField(t, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
-    TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, ROWS);
-    TIFFSetField(t, TIFFTAG_COMPRESSION,
-                 ycbcr ? COMPRESSION_JPEG : COMPRESSION_LZW);
-    TIFFSetField(t, TIFFTAG_PHOTOMETRIC,
-                 ycbcr ? PHOTOMETRIC_YCBCR : PHOTOMETRIC_RGB);
-    if (ycbcr)
-        TIFFSetField(t, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
-    else
-        TIFFSetField(t, TIFFTAG_EXTRASAMPLES, 1, &opacity);
-    for (uint32_t s = 0; s < H48 / ROWS; s++)
-        check(TIFFWriteEncodedStrip(t, s, strip, W * ROWS * each) > 0,
-              "no TIFF");
-    TIFFClose(t);
-    return read_file("seed", n);
-}
-
-/* VP8 with opacity, whose plane is without loss. */
-static void seed_webp(bytes *b)
-{
-    uint8_t rgba[4 * W * H], *webp = NULL;
-
-    for (int i = 0; i < 4 * W * H; i++)
-        rgba[i] = (uint8_t)(i * i * 37 >> 3);
-    const size_t n = WebPEncodeRGBA(rgba, W, H, 4 * W, 80, &webp);
-    check(n > 0, "no WebP");
-    put(b, webp, n);
-    WebPFree(webp);
-}
-
-static void seed_npy(bytes *b)
-{
-    static const char head[] = "{'descr': '<f8', 'fortran_order': False, "
-                               "'shape': (3, 17), }                \n";
-
-    put(b, "\x93NUMPY\1\0", 8);
-    put_le(b, sizeof head - 1, 2);
-    put_text(b, head);
-    for (int i = 0; i < 3 * 17; i++)
-        put_f64(b, i % 5 - 2);
-}
-
-static void seed_ply(bytes *b, int text)
-{
-    static const uint8_t points[5 * 15] = { 0, 0, 0x80, 0x3f, 0, 0, 0, 0x40 };
-
-    put_text(b, text ? "ply\nformat ascii 1.0\n"
-                     : "ply\nformat binary_little_endian 1.0\n");
-    put_text(b,
-             "comment x\nelement vertex 5\nproperty float x\nproperty float "
-             "y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
-             "property uchar blue\nend_header\n");
-    if (!text)
-        put(b, points, sizeof points);
-    for (int i = 0; text && i < 5; i++)
-        put_text(b, "1.5 -2e0 3 255 0 7\n");
-}
-
-static void seed_json(bytes *b)
-{
-    static const char *const name[] = { "a", "b" };
-    char text[400];
-
-    put_text(b,
-             "{\"fl_x\": 7.5, \"fl_y\": 7, \"cx\": 4, \"cy\": 3, \"w\": 8, "
-             "\"h\": 6, \"k1\": 0.01, \"k2\": -0.02, \"p1\": 0.001, \"p2\": 0, "
-             "\"fps\": 30, \"camera_model\": \"OPENCV\", "
-             "\"train_filenames\": [\"a.png\"], \"test_filenames\": "
-             "[\"b.png\"], \"frames\": [");
-    for (int i = 0; i < 2; i++) {
-        snprintf(text, sizeof text,
-                 "%s{\"file_path\": \"%s.png\", "
-                 "\"camera\": \"%s\", \"time\": 0.0, \"transform_matrix\": "
-                 "[[1, 0, 0, %d], [0, 1, 0, 0.5], [0, 0, 1, 0], "
-                 "[0, 0, 0, 1]]}",
-                 i ? ", " : "", name[i], name[i], i);
-        put_text(b, text);
-    }
-    put_text(b, "]}");
-}
-
-static void seed_sports(bytes *b)
-{
-    static const char w2c[] = "[[1, 0, 0, %d], [0, 1, 0, 0.5], [0, 0, 1, 0], "
-                              "[0, 0, 0, 1]]";
-    static const char k[] = "[[7.5, 0, 4], [0, 7, 3], [0, 0, 1]]";
-    char first[120], second[120], text[1000];
-
-    snprintf(first, sizeof first, w2c, 0);
-    snprintf(second, sizeof second, w2c, 1);
-    snprintf(text, sizeof text,
-             "{\"w\": 8, \"h\": 6, \"k\": [[%s, %s]], "
-             "\"w2c\": [[%s, %s]], \"fn\": [[\"a.png\", \"a.png\"]], "
-             "\"cam_id\": [[3, 14]]}",
-             k, k, first, second);
-    put_text(b, text);
-}
-
-static void seed_toml(bytes *b)
-{
-    char text[400];
-
-    for (int i = 0; i < 2; i++) {
-        snprintf(text, sizeof text,
-                 "[cam_%d] # of two\nname = \"c%d\"\n"
-                 "size = [ 8, 6,]\nmatrix = [ [ 7.5, 0.0, 4.0,],\n"
-                 "[ 0.0, 7.0, 3.0,], [ 0.0, 0.0, 1.0,],]\n"
-                 "distortions = [ 0.01, -0.02, 0.001, 0.0, 0.0,]\n"
-                 "rotation = [ 0.1, %d, 0.3,]\ntranslation = [ 1, 2e-1, 3,]\n"
-                 "fisheye = false\n\n",
-                 i, i, i);
-        put_text(b, text);
-    }
-    put_text(b, "[metadata]\nadjusted = true\nwhere = 'C:\\x'\n");
-}
-
-enum { N_IMAGES = 2, N_POINTS = 4 };
-
-static void put_images(bytes *b)
-{
-    put_le(b, N_IMAGES, 8);
-    for (uint64_t i = 0; i < N_IMAGES; i++) {
-        put_le(b, i + 1, 4);
-        put_f64(b, 1);
-        for (int k = 0; k < 6; k++)
-            put_f64(b, k == 3 ? (double)i : 0);
-        put_le(b, 1, 4);
-        put(b, i ? "cam01.png" : "cam00.png", 10);
-        put_le(b, N_POINTS, 8);
-        for (uint64_t k = 0; k < N_POINTS; k++) {
-            put_f64(b, (double)k);
-            put_f64(b, 3);
-            put_le(b, k == 3 ? UINT64_MAX : k + 1, 8);
-        }
-    }
-}
-
-static void put_points(bytes *b)
-{
-    put_le(b, N_POINTS, 8);
-    for (uint64_t i = 0; i < N_POINTS; i++) {
-        put_le(b, i + 1, 8);
-        for (int k = 0; k < 3; k++)
-            put_f64(b, k == 2 ? 4 : (double)i);
-        put_le(b, 0x102030, 3);
-        put_f64(b, 0.5);
-        put_le(b, N_IMAGES, 8);
-        for (uint64_t k = 0; k < N_IMAGES; k++) {
-            put_le(b, k + 1, 4);
-            put_le(b, i, 4);
-        }
-    }
-}
-
-static void put_part(bytes *all, bytes *part)
-{
-    put_le(all, part->n, 2);
-    put(all, part->p, part->n);
-    free(part->p);
-    *part = (bytes){ NULL, 0 };
-}
-
-static void seed_colmap(bytes *b)
-{
-    static const double lens[8] = { 8, 8, 4, 3, 0.01, 0, 0, 0 };
-    bytes part = { NULL, 0 };
-
-    put_le(&part, 1, 8);
-    put_le(&part, 1, 4);
-    put_le(&part, 4, 4); /* OPENCV */
-    put_le(&part, W, 8);
-    put_le(&part, H, 8);
-    for (int i = 0; i < 8; i++)
-        put_f64(&part, lens[i]);
-    put_part(b, &part);
-    put_images(&part);
-    put_part(b, &part);
-    put_points(&part);
-    put_part(b, &part);
-}
-
-static void seed_colmap_text(bytes *b)
-{
-    static const char *const text[N_COLMAP] = {
-        "# cameras\n1 PINHOLE 8 6 8 8 4 3\n2 OPENCV 8 6 8 8 4 3 0.1 0 0 0\n",
-        ("1 1 0 0 0 0 0 0 1 cam00.png\n1.5 2.5 1 3 4 -1 5 5 2\n"
-         "2 1 0 0 0 1 0 0 2 cam01.png\n1.5 2.5 1 3 4 2\n"),
-        "1 0 0 4 10 20 30 0.5 1 0 2 0\n2 1 0 4 10 20 30 0.5 1 2 2 1\n"
-    };
-
-    for (int i = 0; i < N_COLMAP; i++) {
-        bytes part = { NULL, 0 };
-
-        put_text(&part, text[i]);
-        put_part(b, &part);
-    }
-}
-
-/* Writes five splats in a format, and 100 bytes as a checkpoint. */
-static uint8_t *seed_cloud(const saga_cloud_format *format, size_t *n)
-{
-    saga_error error = { "" };
-    saga_cloud cloud;
-
-    gen_cloud(&cloud, 5, 1);
-    check(format->write(path_of("seed"), &cloud, &error), error.message);
-    saga_cloud_free(&cloud);
-    return read_file("seed", n);
-}
-
 static uint8_t *seed_checkpoint(size_t *n)
 {
     saga_error error = { "" };
@@ -441,70 +169,30 @@ static uint8_t *seed_checkpoint(size_t *n)
     check(saga_checkpoint_create(&c, path_of("seed"), &error), error.message);
     saga_checkpoint_walk(&c, data, sizeof data);
     check(saga_checkpoint_close(&c, true, &error), error.message);
-    return read_file("seed", n);
-}
-
-/* A film with all chunks that a file can have. */
-static uint8_t *seed_film(size_t *n)
-{
-    const gen_options all = { .seed = 4,
-                              .level = 1,
-                              .n_coarse = 2,
-                              .n_segments = 2,
-                              .n_layers = 2,
-                              .base = 1,
-                              .named = 1,
-                              .exposed = 1,
-                              .sounds = 1 };
-
-    return gen_stream_bytes(&all, n);
+    return read_file(path_of("seed"), n);
 }
 
 uint8_t *input_seed(input_kind kind, size_t *n)
 {
-    saga_error error = { "" };
-    float depth[W * H];
-    bytes b = { NULL, 0 };
+    const char *const root = getenv("SAGA_ROOT");
+    char path[1024];
+    uint8_t *p;
 
-    for (int i = 0; i < W * H; i++)
-        depth[i] = (float)i;
-    if (kind >= INPUT_CLOUD && kind < INPUT_CHECKPOINT)
-        return seed_cloud(saga_cloud_format_at((int)(kind - INPUT_CLOUD)), n);
     if (kind == INPUT_CHECKPOINT)
         return seed_checkpoint(n);
-    if (kind == INPUT_FILM)
-        return seed_film(n);
     if (kind == INPUT_PNG)
-        return read_file("a.png", n);
-    if (kind == INPUT_TIFF || kind == INPUT_TIFF_YCBCR)
-        return seed_tiff(kind == INPUT_TIFF_YCBCR, n);
-    if (kind == INPUT_EXR)
-        write_pixels("seed", 1);
-    else if (kind == INPUT_EXR_DEPTH)
-        check(saga_exr_write_depth(path_of("seed"), W, H, depth, &error),
-              error.message);
-    if (kind == INPUT_EXR || kind == INPUT_EXR_DEPTH)
-        return read_file("seed", n);
-    if (kind == INPUT_JPEG)
-        seed_jpeg(&b);
-    else if (kind == INPUT_WEBP)
-        seed_webp(&b);
-    else if (kind == INPUT_NPY)
-        seed_npy(&b);
-    else if (kind == INPUT_PLY || kind == INPUT_PLY_TEXT)
-        seed_ply(&b, kind == INPUT_PLY_TEXT);
-    else if (kind == INPUT_JSON)
-        seed_json(&b);
-    else if (kind == INPUT_SPORTS)
-        seed_sports(&b);
-    else if (kind == INPUT_TOML)
-        seed_toml(&b);
-    else if (kind == INPUT_COLMAP)
-        seed_colmap(&b);
+        return read_file(path_of("a.png"), n);
+    if (kind == INPUT_FILM)
+        snprintf(path, sizeof path, "%s/vectors/good/whole.saga",
+                 root ? root : ".");
     else
-        seed_colmap_text(&b);
-    *n = b.n;
-    return b.p;
+        snprintf(path, sizeof path, "%s/tests/corpus/input/seed%02d",
+                 root ? root : ".", (int)kind);
+    p = read_file(path, n);
+    /* A fuzzer's input begins with its kind. */
+    if (kind != INPUT_FILM)
+        memmove(p, p + 1, --*n);
+    return p;
 }
 
 /* --- Damage -------------------------------------------------------------- */

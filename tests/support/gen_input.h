@@ -41,7 +41,9 @@ extern const char *const input_kind_text[INPUT_N_KINDS];
 void input_begin(void);
 void input_end(void);
 
-/* Returns a valid file, which the caller frees. */
+/* Returns a valid file, which the caller frees: tests/corpus/input/seedNN of
+ * the kind NN, without its first byte, or one that is made. SAGA_ROOT is the
+ * repository's folder, by default ".". */
 uint8_t *input_seed(input_kind kind, size_t *n);
 
 /* Returns a damaged copy, which the caller frees. The checksums of a PNG's
