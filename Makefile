@@ -454,14 +454,10 @@ $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 # check_vectors is built for every target of tests/run_matrix.sh, so that it
 # links no libraries except libc and libm.
 $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
-    $(OBJ)/reference/ref_recorder.o $(PLAIN) $(LIB)
+    $(OBJ)/tests/stream/check_init.o $(OBJ)/reference/ref_recorder.o \
+    $(PLAIN) $(LIB)
 	$(call say,LINK)
 	$(LINK) $^ -lm -o $@
-
-# So does check_init, for builds that detect reads of uninitialised memory.
-$(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
-	$(call say,LINK)
-	$(LINK) $^ -o $@
 
 # Fuzzers, for libFuzzer; tests/run_fuzz.sh builds them.
 FUZZ := $(addprefix $(BUILD)/,$(notdir $(patsubst %.c,%,$(wildcard \

@@ -5,9 +5,9 @@
 # on a file's bytes and not on uninitialised memory, with all vector
 # instructions of this machine (plain C, 128 bits, AVX2), for all vectors and
 # tests/corpus:
-#   painted   tests/stream/check_init.c fills work block, scratch, stack and
-#             results with one of two patterns before every call; the results
-#             are the same with both
+#   painted   `check_vectors --init` (tests/stream/check_init.c) fills work
+#             block, scratch, stack and results with one of two patterns before
+#             every call; the results are the same with both
 #   memory    clang's MemorySanitizer finds nothing in the same program without
 #             patterns; in `all` also in a build with 64-bit registers only
 # Further rows of run_matrix.sh compare builds whose variables initially hold a
@@ -59,20 +59,20 @@ not_built() {
     echo "FAIL init $1: does not build"
 }
 
-# memory NAME VARIABLES...: builds and runs check_init under MemorySanitizer.
+# memory NAME VARIABLES...: builds and runs it under MemorySanitizer.
 memory() {
     local name=$1
 
     shift
-    build "init/$name" check_init CC=clang OPT=-O2 HOT_OPT=-O2 OPENMP= "$@" \
+    build "init/$name" check_vectors CC=clang OPT=-O2 HOT_OPT=-O2 OPENMP= "$@" \
         CFLAGS="-fsanitize=memory -gline-tables-only" ||
         { not_built "$name"; return; }
-    verdict "$name" "$out/init/$name/check_init" "${files[@]}"
+    verdict "$name" "$out/init/$name/check_vectors" --init "${files[@]}"
 }
 
 mkdir -p "$out/init"
-if build gcc check_init CC=gcc WERROR=-Werror; then
-    verdict painted "$out/gcc/check_init" "${files[@]}"
+if build gcc check_vectors CC=gcc WERROR=-Werror; then
+    verdict painted "$out/gcc/check_vectors" --init "${files[@]}"
 else
     not_built painted
 fi

@@ -1,24 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * check_init FILE...: checks that the decoder's output depends only on a file's
- * bytes and not on uninitialised memory. Each file is played twice, on every
- * path of this machine (plain C, 128 bits, AVX2). Before every call, the stack
- * below it, and everything in work block, scratch, pictures and results that
- * the decoder has not written, is filled: with zeros in one run, with PAINT in
- * the other. Statuses, results, pixels and the number of calls that a job takes
- * must be the same. Prints `N passed, N failed`, where each file counts once on
- * each path.
+ * check_vectors --init FILE...: checks that the decoder's output depends only
+ * on a file's bytes and not on uninitialised memory. Each file is played twice,
+ * on every path of this machine (plain C, 128 bits, AVX2). Before every call,
+ * the stack below it, and everything in work block, scratch, pictures and
+ * results that the decoder has not written, is filled: with zeros in one run,
+ * with PAINT in the other. Statuses, results, pixels and the number of calls
+ * that a job takes must be the same. Prints `N passed, N failed`, where each
+ * file counts once on each path.
  *
  * With MemorySanitizer nothing is filled. Instead, everything that the decoder
  * has not written is poisoned, and all output is checked. Like check_vectors
  * this is plain C, because MemorySanitizer would need a test library built with
  * it.
  */
-/* The program chooses the SIMD path by this function, which it links instead of
- * the library's cpu.c. */
-#define saga_cpu_best machine_best
-#include "cpu.c"
-#undef saga_cpu_best
+#include "check_init.h"
 
 #include "freed.h"
 #include "head.h"
@@ -54,19 +50,12 @@ enum {
 };
 #define MAX_MACS 100000000u
 
-saga_cpu saga_cpu_best(void);
-
 static saga_cpu path;
-
-saga_cpu saga_cpu_best(void)
-{
-    return path;
-}
 
 static void *must(void *p)
 {
     if (!p) {
-        fprintf(stderr, "check_init: out of memory\n");
+        fprintf(stderr, "check_vectors: out of memory\n");
         exit(2);
     }
     return p;
@@ -492,25 +481,26 @@ static uint8_t *read_file(const char *name, size_t *n)
     return p;
 }
 
-int main(int argc, char **argv)
+int check_init(saga_cpu *chosen, saga_cpu best, char *const *files, int n_files)
 {
-    const saga_cpu best = machine_best();
     int n_passed = 0, n_failed = 0;
 
-    for (int i = 1; i < argc; i++) {
+    for (int i = 0; i < n_files; i++) {
         size_t n = 0;
-        FREED uint8_t *const bytes = read_file(argv[i], &n);
+        FREED uint8_t *const bytes = read_file(files[i], &n);
 
         if (!bytes) {
-            printf("FAIL %s: cannot be read\n", argv[i]);
+            printf("FAIL %s: cannot be read\n", files[i]);
             n_failed++;
             continue;
         }
-        for (path = SAGA_CPU_PLAIN; path <= best; path++)
-            if (check(argv[i], bytes, n))
+        for (path = SAGA_CPU_PLAIN; path <= best; path++) {
+            *chosen = path;
+            if (check(files[i], bytes, n))
                 n_passed++;
             else
                 n_failed++;
+        }
     }
     printf("%d passed, %d failed\n", n_passed, n_failed);
     return n_failed != 0 || n_passed == 0;
