@@ -43,13 +43,6 @@ KINDS = [
     ("primitive_suffixes", "primitive suffixes"),
     ("primitive_offsets", "primitive offsets"),
 ]
-STAGES = [("networks", "open: networks"), ("coarse", "tree, coarse anchors"),
-          ("fine", "fine anchors, their features"),
-          ("primitives", "primitives' offsets"),
-          ("reconstruction", "primitives' attributes"),
-          ("decode", "a segment: all but networks")]
-PICTURE = [("view", "a picture: animate, project, sort"),
-           ("draw", "a picture: blend")]
 
 
 # --- Reading -----------------------------------------------------------------
@@ -87,7 +80,6 @@ class Run:
             self.bytes += 2 * parameters(self.report) - \
                 self.eval["bytes"]["networks"]
         self.psnr = self.eval["training"]["psnr"]
-        self.held_out = self.eval["held_out"]["psnr"]
 
 
 def points(runs):
@@ -130,44 +122,6 @@ def label(rate):
     return f"rate {rate + 1}"
 
 
-def components(rates):
-    runs = [r["full"] for r in rates]
-    print("### Bitstream by component, kB\n")
-    rows = [[name] + [kb(r.report["after"][key]) for r in runs]
-            for key, name in KINDS]
-    for key, name in (("entropy", "entropy networks"),
-                      ("reconstruction", "reconstruction networks")):
-        rows.append([name] + [kb(r.report["after"]["networks"][key])
-                              for r in runs])
-    rows.append(["headers and rounding"] + [kb(r.bytes - sum(
-        r.report["after"][key] for key, _ in KINDS) - sum(
-        r.report["after"]["networks"][k]
-        for k in ("entropy", "reconstruction"))) for r in runs])
-    rows.append(["file"] + [kb(r.bytes) for r in runs])
-    rows.append(["networks, of the file"] + [
-        f"{100 * r.eval['bytes']['networks'] / r.bytes:.0f} %" for r in runs])
-    rows.append(["reconstruction networks, bits a parameter"] + [
-        f"{8 * n['reconstruction'] / n['reconstruction_parameters']:.2f}"
-        for n in (r.report["after"]["networks"] for r in runs)])
-    rows.append(["PSNR, training / held out, dB"] + [
-        f"{db(r.psnr)} / {db(r.held_out)}" for r in runs])
-    table(["component"] + [label(i) for i in range(len(runs))], rows)
-
-
-def runtime(rates):
-    runs = [r["full"] for r in rates]
-    print("### Decoding time by component, ms\n")
-    rows = [[name] + [f"{r.times[key]:.2f}" for r in runs]
-            for key, name in STAGES]
-    rows += [[name + " *"] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
-             for key, name in PICTURE]
-    table(["component"] + [label(i) for i in range(len(runs))], rows)
-    n = runs[0].eval["decode_ms"]["threads"]
-    prose("Times are CPU time of one thread, the best of several runs. Those "
-          "with an asterisk are means over all pictures, wall time with "
-          f"{n} thread{'s' if n > 1 else ''}.")
-
-
 def sources(run):
     """Returns the sources of each kind as text: coarse C, fine F, primitives P,
     each followed by letters for hyperprior (h), parent (p), groups (g) and
@@ -186,7 +140,7 @@ def ablation(rates):
     trained = [r["trained"] for r in rates]
     rows = [["as trained", percent(same_symbols(full, trained)),
              percent(bd_rate(points(full), points(trained)))] +
-            [f"{kb(r.bytes)} / {db(r.psnr)}" for r in trained]]
+            [f"{kb(r.bytes)} / {db(r.psnr)}" for r in trained] + [""]]
     for key, name in VARIANTS:
         runs = [r[key] for r in rates]
         if not all(r.there for r in runs):
@@ -194,20 +148,20 @@ def ablation(rates):
         base = [r[AGAINST.get(key, "full")] for r in rates]
         rows.append([name, percent(same_symbols(base, runs)),
                      percent(bd_rate(points(base), points(runs)))] +
-                    [f"{kb(r.bytes)} / {db(r.psnr)} / {sources(r)}"
-                     for r in runs])
-    table(["variant", "rate", "BD-rate"] + [label(i) + ": kB / dB / sources"
-                                            for i in range(len(rates))], rows)
+                    [f"{kb(r.bytes)} / {db(r.psnr)}" for r in runs] +
+                    [sources(runs[-1])])
+    table(["variant", "rate", "BD-rate"] +
+          [label(i) + ": kB / dB" for i in range(len(rates))] + ["sources"],
+          rows)
     prose("The letters are the sources (inputs of the entropy networks) of "
           "coarse anchors, fine offsets and primitive offsets that saved more "
-          "than their weights cost: hyperprior (h), parent (p), groups (g), "
-          "bank (m). \"Rate\" is the mean change of the bytes against the "
-          "full model (the last two rows: against all sources), on the same "
-          "symbols. \"BD-rate\" is the change at equal PSNR of the training "
-          "views, by monotone cubics of log-rate over the common interval. "
-          "\"Rate\" is the more reliable number: features are rounded "
-          "relative to the prediction, so in a refit they move by up to half "
-          "a step, which costs another amount of PSNR in each variant.")
+          "than their weights cost at the last rate: hyperprior (h), parent "
+          "(p), groups (g), bank (m). \"Rate\" is the mean change of the bytes "
+          "against the full model (the last two rows: against all sources), "
+          "on the same symbols. It is more reliable than the \"BD-rate\" of "
+          "the training views: features are rounded relative to the "
+          "prediction, so in a refit they move by up to half a step, which "
+          "costs another amount of PSNR in each variant.")
     prose("No file of this table has the paper's residual hash "
           "([residual-hash](../lab/README.md)), so all of them "
           "are its variant V3.")
@@ -250,8 +204,9 @@ def order0(scenes):
         networks = r["networks"]["entropy"]
         for key, text in KINDS:
             k = r["kinds"][key]
-            rows.append([name, text, kb(k["saga"]), kb(k["order0"]),
-                         kb(k["entropy0"]), ""])
+            if k["order0"] >= 50:
+                rows.append([name, text, kb(k["saga"]), kb(k["order0"]),
+                             kb(k["entropy0"]), ""])
         for key in "values", "structure", "all":
             k, own = r[key], 0 if key == "structure" else networks
             rows.append([name, f"**{key}**" + ("" if key == "structure" else
@@ -284,44 +239,31 @@ PARTS = (("full", "", "", "nothing"),
          ("no-fuse", "", "", "Fuse_c and Fuse_f"))
 # Why the numbers differ from the paper's.
 NOTES = (
-    "**Chance** moves room and ring more than most parts do. Models with 32, "
+    "**Chance** moves room and ring more than most parts do: models with 32, "
     "64 and 256 slots hardly differ, and yet lie between 30.3 and 32.1 dB at "
     "one price on the room. There only V1, V2 and V4 say something. On the "
-    "large ring whole and plain update, which hardly differ either, are 0.02 to "
-    "0.05 dB and at most 1 % of the bytes apart. Its trainings are short, "
-    "however: 1,000 iterations draw 600 pictures 1.7 times, the warm-up has "
-    "30.5 dB, and the files are still 4 dB below it.",
-    "**V1**, no shared anchors: each primitive has features of its own. On "
-    "room and ring that saves a fifth to two fifths of the bytes, since "
-    "features are learned under the price of their bits, and those of "
-    "primitives that could share an anchor have almost nothing in common. It "
-    "also starts better: a primitive with features of its own starts as the "
-    "warm-up made it ([lab/start.md](../lab/start.md)), those that share an "
-    "anchor as their mean. On the large ring, with four to five bytes for a "
-    "primitive, sharing saves 7 %, as in the paper: 14 % at 25.7 dB, nothing at "
-    "26.2. We believe that at so high a price few features of its own pay. "
-    "Fewer primitives with features of their own, which were better on small "
-    "scenes ([lab/anchors.md](../lab/anchors.md)), were not tried there.",
-    "**V2**, no interpolation of anchors: each primitive reads its own parent "
-    "alone. That is better here on all three scenes. With K = 4 few primitives "
-    "have a second fine anchor within reach: 500 primitives of the room begin "
-    "with 589 neighbours in all.",
-    "**V3**, no residual hash: two tables of 256 entries with a network, 2 to "
-    "3 kB. The 1.7 % of the large ring prove nothing, and room and ring "
-    "disagree.",
-    "**V4**, uncoded networks: networks are half of a small file. In the "
-    "paper's files of megabytes they are 12 %. With 100,000 primitives and "
-    "features of their own they would be 4.2 % "
-    "([lab/sources.md](../lab/sources.md)).",
+    "large ring chance is 0.05 dB and 1 % of the bytes, but its trainings are "
+    "short: the files are still 4 dB below the warm-up.",
+    "**V1**, no shared anchors, saves a fifth to two fifths of the bytes on "
+    "room and ring: primitives that could share an anchor have almost nothing "
+    "in common ([lab/anchors.md](../lab/anchors.md)), and a primitive with "
+    "features of its own starts as the warm-up made it "
+    "([lab/start.md](../lab/start.md)). On the large ring, with four to five "
+    "bytes for a primitive, sharing saves 7 %, as in the paper: 14 % at 25.7 "
+    "dB, nothing at 26.2. Fewer primitives with features of their own were not "
+    "tried there.",
+    "**V2**, no interpolation, is better on all three scenes. With K = 4 few "
+    "primitives have a second fine anchor within reach.",
+    "**V3**, no residual hash (two tables of 256 entries with a network, 2 to "
+    "3 kB): room and ring disagree, and 1.7 % prove nothing.",
+    "**V4**, uncoded networks: networks are half of a small file, 12 % of the "
+    "paper's.",
     "**V5** and slots: hyperprior and groups leave the bank at most 0.5 % of "
-    "the symbols to save, so its update rule and its number of slots change "
-    "hardly more than the bytes of its own networks. On the same symbols, "
-    "without chance, the tables of today's entropy model have both.",
-    "The paper has neither a base nor layers. On ten seconds of the room at "
-    "160x90 a base gives -51 % by BD-rate ([training.md](training.md)). On "
-    "studio two layers take 4 % more bytes and lose 1.1 dB on held-out views "
-    "at one rate ([layers](../lab/README.md)).")
-# The scenes, in the order of the tables.
+    "the symbols to save. On the same symbols, without chance, the tables of "
+    "today's entropy model have both.",
+    "The paper has neither a base (-51 % by BD-rate on ten seconds of the "
+    "room, [training.md](training.md)) nor layers ([layers](../lab/README.md)).")
+
 SCENES = (("room", "room"), ("ring", "ring"), ("large", "large ring"))
 
 
@@ -461,8 +403,6 @@ def main(folder, scenes):
           "the paper.")
     files(folder, len(rates))
     print("![rate and distortion](ablation.svg)\n")
-    components(rates)
-    runtime(rates)
     ablation(rates)
     slots(rates[-1], folder)
     if scenes:

@@ -171,10 +171,10 @@ largest value. [numerics](../lab/README.md) has the conclusions.
 
 ![time and error of every operator](numerics.svg)
 
-In the plot, the dark dot is the decoder. The time of decoding a segment is
-given for one of its primitives, that of a picture for one of its pixels; the
-errors of both are those of a decoded picture's samples. The next plot has a
-panel for each operator; float64 counts as 53 bits:
+The dark dot is the decoder. The time of a segment is given for one of its
+primitives, that of a picture for one of its pixels; the errors of both are
+those of a decoded picture's samples. In the next plot float64 counts as 53
+bits:
 
 ![time against error](numerics_points.svg)
 
@@ -187,16 +187,12 @@ HEAD_COLUMNS = ("float64, ns | float32, ns | plain C, ns (instructions) | "
 
 READ = """
 Every build computes the same integers. "Vectors" is the code that the decoder
-chooses on this machine; "plain C" is compiled without any vector instruction.
-The float code is plain C compiled with AVX2 ({flags}),
-except the dense layer in float32, which is the trainer's. The time of the blend
-is given for one pixel of a splat's box.
+chooses on this machine; "plain C" has no vector instruction. The float code is
+plain C compiled with AVX2 ({flags}), except the
+dense layer in float32, which is the trainer's. The time of the blend is given
+for one pixel of a splat's box.
 
-- Operators that sum many values are the least exact: a dense layer has 16 right
-  bits, interpolation and softmax have 13, reading and writing the memory bank
-  10 to 12.
-- A dense layer is as fast as the trainer's float32. A read of the memory bank,
-  the sine and the blend are four to sixteen times as fast as plain float32.
+- Operators that sum many values are the least exact.
 - Interpolation is slower than float, because it divides and searches value by
   value. So are animate and project on their own; the decoder runs both together
   in vectors.
@@ -207,14 +203,12 @@ is given for one pixel of a splat's box.
 STAGES_HEAD = """
 ## A picture: where its error comes from
 
-Which stage of the decoder loses how much? `saga verify` draws nine pictures
-(three cameras at three times). A row "from X" computes the stage X and all
-later ones in float64, and everything before in integers. The first rows have
-the RMS difference to the decoder's picture before it is rounded to 8 bits, in
-levels of 255. Errors of independent stages add up as squares, so the error of
-one stage alone is the root of the square of its row minus the square of the
-next row. The last rows compare the 8-bit picture with float64
-rounded to 8 bits, as PSNR. The files, made on the day of the measurement, are
+`saga verify` draws nine pictures (three cameras at three times). A row "from X"
+computes the stage X and all later ones in float64, and everything before in
+integers. The first rows have the RMS difference to the decoder's picture before
+it is rounded to 8 bits, in levels of 255; errors of independent stages add up
+as squares. The last rows compare the 8-bit pictures. The files, made on the day
+of the measurement, are
 {sizes}.
 
 | stage | {names} |
@@ -222,32 +216,28 @@ rounded to 8 bits, as PSNR. The files, made on the day of the measurement, are
 """
 
 STAGES_TEXT = """
-- **The decoder's error is the row "from scaffold".** (The scaffold is the
-  decoded anchors.) The row "from symbols" also contains the rounding of the
-  entropy model's predictions. That is no loss: the encoder makes the same
-  integer predictions and codes what they miss (docs/arithmetic.md, Entropy
-  parameters).
+- **The decoder's error is the row "from scaffold"**, the decoded anchors. The
+  row "from symbols" also has the rounding of the entropy model's predictions,
+  which is no loss: the encoder makes the same predictions and codes what they
+  miss.
 - **Computing the primitives loses most**, above all in their motion: hidden
-  units of F_geo, the network of their shape and motion, are rounded to 16 bits,
-  and its last layer multiplies that error.
-- **Computing the splats loses by one rounding**, that of their means to 1/256
-  of a pixel.
+  units of F_geo are rounded to 16 bits, and its last layer multiplies that
+  error. Computing the splats loses by the rounding of their means to 1/256 of a
+  pixel.
 - In {cut} of all pixels some splat is drawn by only one of the two
   computations, if they start from the same scaffold, and in {cut_pixels} if
-  they start from the same splats. Most of these pixels lie where the alpha of a
-  splat falls below 1/256, from where on it is not drawn, and they change by a
-  level at most.
+  they start from the same splats; most of these change by a level at most.
 """
 
 FORMATS_HEAD = """
 ## Formats that one could choose
 
-What would other number formats cost? The reference draws {file} (camera 0,
-frame 0) once in double, then with one rounding at a time. The table has the
-error of the picture before it is rounded to 8 bits, in levels of 255. The
-decoder's formats are bold. "g, n, h" are the factors of a splat's inverse
-covariance, q is the exponent of its alpha, and T the light that is left behind
-it. The grey line of the plot is the error of rounding to 8 bits.
+The reference draws {file} (camera 0, frame 0) once in double, then with one
+rounding at a time. The table has the error of the picture before it is rounded
+to 8 bits, in levels of 255; that rounding itself, the grey line of the plot,
+costs 0.29. The decoder's formats are bold. "g, n, h" are the factors of a
+splat's inverse covariance, q is the exponent of its alpha, and T the light that
+is left behind it.
 
 ![formats](numerics_formats.svg)
 
@@ -256,20 +246,11 @@ it. The grey line of the plot is the error of rounding to 8 bits.
 """
 
 FORMATS_TEXT = """
-- If positions have 8 bits below the pixel, the error is 0.01 levels, and each
-  bit less doubles it. The table of 2^-q, alpha and T cost less. For comparison,
-  rounding a picture to 8 bits costs 0.29 levels.
-- Every bit of the activations halves the error. "By unit" is a format in which
-  each input of a layer has an exponent of its own, so that small inputs use all
-  their 16 bits; the formats of the outputs are unchanged.
-- Rounding the weights of a trained file to 8 bits gives the error of
-  activations of 10 bits. Weights of 8 bits are for files that are trained with
-  them (level 0).
-- A larger smallest alpha, below which a splat is not drawn, would save time:
-  1/128 blends {saved} fewer pixels, at an error of {saved_rms} levels. It is
-  not an option of the decoder.
-- Colour depends on the camera and not on the time: while the camera does not
-  move, it is the same in every frame.
+- Each bit less below the pixel, and of the activations, doubles the error. "By
+  unit", each input of a layer has an exponent of its own.
+- Weights of 8 bits are for files that are trained with them (level 0).
+- A smallest alpha of 1/128, below which a splat is not drawn, would blend
+  {saved} fewer pixels, at an error of {saved_rms} levels.
 """
 
 

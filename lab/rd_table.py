@@ -201,15 +201,14 @@ def saving_table(scenes, rows, points):
 
 
 def point_table(scenes, points):
-    out = [[scene.name, CODECS[codec], p.get("crf", "-"), kb(p["bytes"]),
-            db(p["psnr"].get("held_out")), db(p["psnr"].get("training")),
-            db(p["psnr"].get("all")),
-            db(p.get("changing", {}).get("held_out"))]
+    out = [[scene.name, CODECS[codec]] +
+           [", ".join(filter("-".__ne__, map(cell, its))) or "-" for cell in (
+               lambda p: kb(p["bytes"]), lambda p: db(p["psnr"].get("all")),
+               lambda p: db(p["psnr"].get("held_out")))]
            for scene in scenes
-           for codec, its in anchors(points, scene).items() for p in its]
-    return table(["scene", "codec", "crf", "kB", "held-out cameras",
-                  "training cameras", "all cameras",
-                  "changing, held-out cameras"], out)
+           for codec, its in anchors(points, scene).items()]
+    return table(["scene", "codec", "kB", "all cameras", "held-out cameras"],
+                 out)
 
 
 PROTOCOL = """Each row is a file of `saga encode`, decoded by the integer
@@ -225,7 +224,8 @@ PSNR before anything is coded, when free Gaussians are fitted to the pictures.
 A row with several seeds is their mean. CPU minutes are those of `saga encode`,
 all threads together, on a shared machine."""
 
-OTHERS = """x265 and VVenC code every camera as a stream of its own, the
+OTHERS = """A row has the points of a codec; points.jsonl has all numbers. x265
+and VVenC code every camera as a stream of its own, the
 held-out ones too. Their bytes are those of all raw streams together, compared
 with our whole file. x265 runs with preset medium, --tune psnr, no wavefronts
 and no text in the stream (lab/simulcast.py); its decoded videos are read by
