@@ -291,7 +291,7 @@ def bd_of(runs, name, views="training"):
 
 
 def of_part(runs, name, views="training"):
-    return ("not measured" if not runs[name]
+    return ("" if not runs[name]
             else percent(bd_of(runs, name, views)))
 
 
@@ -299,7 +299,7 @@ def beside(scenes):
     """The paper's ablation beside ours."""
     print("## The paper's whole model without its parts\n")
     rows = [[what, v, paper] + [of_part(scenes[s], name) if s in scenes
-                                else "not measured" for s, _ in SCENES]
+                                else "" for s, _ in SCENES]
             for name, v, paper, what in PARTS[1:]]
     table(["left out", "name", "paper"] + [title for _, title in SCENES],
           rows)
@@ -320,7 +320,7 @@ def whole_scene(title, runs):
           [f"rate {i + 1}" for i in range(most)],
           [[what, of_part(runs, name), of_part(runs, name, "held_out")] +
            [f"{r['bytes']:,}; {db(r['training'])} / {db(r['held_out'])} "
-            f"(x {r['factor']:g})" for r in runs[name]] +
+            f"(x{r['factor']:g})" for r in runs[name]] +
            [""] * (most - len(runs[name]))
            for name, _, _, what in PARTS if runs[name]])
 
@@ -332,9 +332,8 @@ def whole(scenes):
           "Fuse, residual hash and memory bank. Each row leaves one part out; "
           "it begins the rendering stage from the same warm-up as the others. "
           "A number is the BD-rate of the training views against the whole "
-          "model: above 0, the part pays. The tables below have held-out "
-          "views, too. A dash: the curves share no PSNR, or PSNR falls as "
-          "bytes grow. Each row is one training at each rate, with seed 1, so "
+          "model: above 0, the part pays. A dash: the curves share no PSNR, or "
+          "PSNR falls as bytes grow. Empty: not measured. Each row is one training at each rate, with seed 1, so "
           "less than 2 % proves nothing. Room and ring are filmed with "
           "160x90 pixels; the large ring is filmed by 12 cameras of 960x540 "
           "pixels in 60 frames.")

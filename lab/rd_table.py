@@ -119,13 +119,13 @@ def prose(text):
                          break_on_hyphens=False) + "\n\n"
 
 
-def scene_table(rows):
+def scene_rows(name, rows):
     out = []
     for p in rates(rows):
         o = p.rows[0]["options"]
         warm = [[r["warm_up"][s] for r in p.rows]
                 for s in ("held_out", "training")]
-        out.append([o[1], o[3] if float(o[3]) else "rule", kb(p.bytes),
+        out.append([name, o[1], o[3] if float(o[3]) else "rule", kb(p.bytes),
                     f"**{db(p.psnr('held_out'))}**",
                     db(p.psnr("training")),
                     db(p.psnr("held_out", "changing")),
@@ -133,9 +133,22 @@ def scene_table(rows):
                     f"{db(mean(warm[0]))} / {db(mean(warm[1]))}",
                     f"{mean(r['cpu_minutes'] for r in p.rows):.1f}",
                     str(len(p.rows))])
-    return table(["primitives", "lambda", "kB", "**held out**", "training",
-                  "changing, held out", "changing, training",
-                  "warm-up, held out / training", "CPU min", "seeds"], out)
+    return out
+
+
+def scene_table(scenes, rows):
+    """All scenes as one table, and how each was made."""
+    out, how = [], ""
+    for scene in scenes:
+        states = of_scene(rows, scene)
+        if states:
+            out += scene_rows(scene.name, states[-1])
+            o = " ".join(scene.options + ["--iterations", scene.iterations])
+            how += f"**{scene.name}**: {scene.source()}; {o}. "
+    return table(["scene", "primitives", "lambda", "kB", "**held out**",
+                  "training", "changing, held out", "changing, training",
+                  "warm-up, held out / training", "CPU min", "seeds"],
+                 out) + prose(how)
 
 
 def against(anchor, test, within):
@@ -211,25 +224,21 @@ def point_table(scenes, points):
                  out)
 
 
-PROTOCOL = """Each row is a file of `saga encode`, decoded by the integer
-decoder from the closed and reopened file. PSNR is computed from the squared
-error over all frames of a camera and over R, G and B; the tables have the mean
-over the cameras, in dB. Held-out cameras are those that training never saw.
-Changing pixels differ by more than 8/255 from the temporal median of their
-view."""
+PROTOCOL = """Files of `saga encode` are decoded by the integer decoder from the
+closed and reopened file. PSNR is computed from the squared error over all
+frames of a camera and over R, G and B; the tables have the mean over the
+cameras, in dB. Held-out cameras are those that training never saw. Changing
+pixels differ by more than 8/255 from the temporal median of their view."""
 
-COLUMNS = """In the tables of the scenes, "rule" in the column lambda is the
-price of a bit that `saga encode` chooses by itself. The column warm-up has the
-PSNR before anything is coded, when free Gaussians are fitted to the pictures.
-A row with several seeds is their mean. CPU minutes are those of `saga encode`,
-all threads together, on a shared machine."""
+COLUMNS = """"rule" is the price of a bit that `saga encode` chooses by itself;
+the warm-up's PSNR is that before anything is coded. A row with several seeds
+is their mean. CPU minutes are those of `saga encode`, all threads together, on
+a shared machine."""
 
 OTHERS = """A row has the points of a codec; points.jsonl has all numbers. x265
-and VVenC code every camera as a stream of its own, the
-held-out ones too. Their bytes are those of all raw streams together, compared
-with our whole file. x265 runs with preset medium, --tune psnr, no wavefronts
-and no text in the stream (lab/simulcast.py); its decoded videos are read by
-the same loader and measured in the same way (`saga eval` of a folder)."""
+and VVenC code every camera as a stream of its own, the held-out ones too. Their
+bytes are those of all raw streams together. x265 runs with preset medium,
+--tune psnr, no wavefronts and no text in the stream (lab/simulcast.py)."""
 
 VVENC = """VVenC's points came with the capture: version 1.15, preset medium,
 all cameras together. "For PSNR" is VVenC without its perceptual quantisation.
@@ -247,28 +256,20 @@ HELD_OUT = """For held-out cameras, our PSNR of views that training never saw
 is compared with the other codec's PSNR of the same cameras, which it coded.
 Bytes are always those of all cameras."""
 
-SAVINGS = """A cell is the change of bytes if our file is taken instead of the
-other codec's at the same PSNR of all cameras. It is a dash if one of the curves
-does not reach that PSNR. The table shows what the BD-rate, an average over an
-interval, hides."""
+SAVINGS = """A cell is the change of bytes at the same PSNR of all cameras, or a
+dash if one of the curves does not reach it."""
 
 
 def page(scenes, rows, points):
     out = "# Rate and distortion: `make rd`\n\n"
-    out += prose(PROTOCOL) + prose(COLUMNS)
+    out += prose(PROTOCOL)
     out += "![rate and distortion](rd.svg)\n\n"
     out += "## BD-rate\n\n" + bd_table(scenes, rows, points)
     out += prose(BD) + prose(HELD_OUT)
     out += "## Savings by PSNR\n\n" + saving_table(scenes, rows, points)
     out += prose(SAVINGS)
-    for scene in scenes:
-        states = of_scene(rows, scene)
-        if not states:
-            continue
-        out += f"## {scene.name}\n\n"
-        o = " ".join(scene.options + ["--iterations", scene.iterations])
-        out += prose(f"Capture: {scene.source()}; options: {o}.")
-        out += scene_table(states[-1])
+    out += "## Scenes\n\n" + scene_table(scenes, rows)
+    out += prose(COLUMNS)
     out += "## Other codecs\n\n" + point_table(scenes, points)
     out += prose(OTHERS) + prose(VVENC)
     return out.rstrip("\n") + "\n"
