@@ -218,9 +218,8 @@ def order0(scenes):
     prose("Both sides code the same symbols. Values are coded as decoded, in "
           "steps; each channel of the order-0 coder has adaptive frequencies "
           "of its own (Krichevsky and Trofimov) and 32 bits for their range. "
-          "It codes structure as a list of coordinates, which favours us, so "
-          "the fair comparison is that of the values. \"Its entropy\" is the "
-          "limit of any order-0 coder.")
+          "It codes structure as a list of coordinates, which favours us. "
+          "\"Its entropy\" is the limit of any order-0 coder.")
 
 
 # The paper's model without a part: make_paper's row, the paper's name and
@@ -391,15 +390,11 @@ def main(folder, scenes):
     if paper:
         whole(paper)
     print("## Today's entropy model\n")
-    prose("What is each part of the entropy model worth? The model predicts "
-          "the residuals of a file by small networks, whose inputs "
-          "(*sources*) are the hyperprior, the parent, earlier groups and the "
-          "memory bank ([concepts.md](../concepts.md)). Each rate is one "
-          "training of the room. For each variant the entropy networks are "
-          "fitted anew (a *refit*) to the symbols of that file "
+    prose("Each rate is one training of the room. For each variant the entropy "
+          "networks are fitted anew (a *refit*) to the symbols of that file "
           "(lab/gen_refit.h), so bytes compare on the same symbols. "
-          "[lab/sources.md](../lab/sources.md) explains what disagrees with "
-          "the paper.")
+          "[lab/sources.md](../lab/sources.md) explains their inputs, the "
+          "*sources*, and what disagrees with the paper.")
     files(folder, len(rates))
     print("![rate and distortion](ablation.svg)\n")
     ablation(rates)

@@ -233,15 +233,15 @@ FORMATS_HEAD = """
 ## Formats that one could choose
 
 The reference draws {file} (camera 0, frame 0) once in double, then with one
-rounding at a time. The table has the error of the picture before it is rounded
-to 8 bits, in levels of 255; that rounding itself, the grey line of the plot,
+rounding at a time. The table has the RMS error of the picture before it is
+rounded to 8 bits, in levels of 255; that rounding itself, the grey line of the plot,
 costs 0.29. The decoder's formats are bold. "g, n, h" are the factors of a
 splat's inverse covariance, q is the exponent of its alpha, and T the light that
 is left behind it.
 
 ![formats](numerics_formats.svg)
 
-| format | RMS (largest) of each |
+| format | RMS of each |
 |---|---|
 """
 
@@ -316,8 +316,7 @@ def format_lines(rows):
         cells = []
         for r in rows:
             if r["format"] == name:
-                cell = (f"{r['value']}: {significant(r['rms'], 2)} "
-                        f"({significant(r['max'], 2)})")
+                cell = f"{r['value']}: {significant(r['rms'], 2)}"
                 cells.append(f"**{cell}**" if r["chosen"] else cell)
         yield f"| {name} | " + ", ".join(cells) + " |\n"
 

@@ -191,11 +191,6 @@ def bd_table(scenes, rows, points):
                        [seeds_of(states[-1], anchor, "all", scene.within)] +
                        against(curve(its, "held_out"), held_out,
                                scene.within))
-        if len(states) > 1:
-            before = rates(states[-2])
-            out.append([scene.name, "the version before"] +
-                       against(curve(before, "all"), all_views, None) + ["-"] +
-                       against(curve(before, "held_out"), held_out, None))
     return table(["scene", "against", "all cameras", "over dB", "by seeds",
                   "held-out cameras", "over dB"], out)
 
@@ -245,12 +240,9 @@ all cameras together. "For PSNR" is VVenC without its perceptual quantisation.
 "In series" is one stream of all cameras one after another, every second one
 backwards in time: the best plain video coding that was found."""
 
-BD = """BD-rate is the mean change of bytes at equal PSNR; a negative one means
-that our files are smaller. It is computed by monotone cubics of log-rate over
+BD = """BD-rate is the mean change of bytes at equal PSNR, computed by monotone cubics of log-rate over
 the interval that both curves cover; if they share less than 1 dB, there is
-none. "By seeds" is the lowest and the highest BD-rate of single seeds. "The
-version before" is an earlier version of saga, whose files were measured in the
-same way."""
+none. "By seeds" is the lowest and the highest BD-rate of single seeds."""
 
 HELD_OUT = """For held-out cameras, our PSNR of views that training never saw
 is compared with the other codec's PSNR of the same cameras, which it coded.
