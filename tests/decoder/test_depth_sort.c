@@ -63,24 +63,6 @@ TEST(order_should_be_that_of_depth_and_index)
         }
 }
 
-TEST(few_keys_should_be_sorted)
-{
-    static const uint32_t depth[] = { 0,          1,          0x100,
-                                      0x7fffffff, 0x80000000, 0xfffffffe,
-                                      0xffffffff };
-    saga_key keys[3] = { { 0, 0 } };
-
-    check_sorted(keys, 0);
-    for (uint32_t i = 0; i < 7 * 7 * 7; i++) {
-        keys[0] = (saga_key){ depth[i % 7], 0 };
-        keys[1] = (saga_key){ depth[i / 7 % 7], 1 };
-        keys[2] = (saga_key){ depth[i / 49], 2 };
-        check_sorted(keys, 1);
-        check_sorted(keys, 2);
-        check_sorted(keys, 3);
-    }
-}
-
 TEST(nothing_should_be_touched_without_keys)
 {
     saga_key key = { 5, 6 }, tmp = { 7, 8 };
@@ -107,16 +89,4 @@ TEST(equal_depths_should_keep_their_order)
         if (keys[i - 1].depth == keys[i].depth)
             assert_true(keys[i - 1].index > keys[i].index);
     }
-}
-
-TEST(sorted_and_reversed_keys_should_be_sorted)
-{
-    saga_key keys[MAX];
-
-    for (uint32_t i = 0; i < MAX; i++)
-        keys[i] = (saga_key){ i * 1431655u, i };
-    check_sorted(keys, MAX);
-    for (uint32_t i = 0; i < MAX; i++)
-        keys[i].depth = 0xffffffffu - i * 1431655u;
-    check_sorted(keys, MAX);
 }
