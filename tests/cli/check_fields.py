@@ -11,7 +11,8 @@ stream/film.py and levels.py do, for every good vector:
   ranges    a header with a field at a bound of its range is not refused but
             for its level; one of all values of a byte that are outside is
   cameras   saga_view takes the bounds of the fields, not the values outside
-  names     saga_name_camera gives the statuses of the page's examples
+  names     saga_name_camera gives the statuses of the page's examples, and of
+            names that are no UTF-8
 
 BUILD=... or build has libsaga.so.0, which `make shared` makes.
 """
@@ -226,13 +227,14 @@ def status_with(f, at, size, value):
 
 
 def tried(place, thorough):
-    """Returns values of a field: its bounds, the values outside, and all of a
-    byte if `thorough`."""
+    """Returns values of a field: its bounds, the values outside, those of its
+    type, and all of a byte if `thorough`."""
     low = -(1 << 8 * place.size - 1) if place.signed else 0
     if thorough and place.size == 1:
         return range(256)
+    high = low + (1 << 8 * place.size) - 1
     values = {x for lo, hi in place.ranges for x in (lo - 1, lo, hi, hi + 1)}
-    return sorted(x for x in values if low <= x < low + (1 << 8 * place.size))
+    return sorted(x for x in values | {low, high} if low <= x <= high)
 
 
 def is_refused(name, value):
@@ -283,9 +285,24 @@ def check_cameras(f):
                      else ARG)
 
 
+def names():
+    """Yields payloads of three names, and their status: the page's examples,
+    and all ways in which UTF-8 may be wrong."""
+    yield from page.examples()
+    for text, status in (
+            ("7e", OK), ("dfbf", OK), ("e0a080", OK), ("ed9fbf", OK),
+            ("ee8080", OK), ("f0908080", OK), ("61c3a97a", OK), ("bf", DATA),
+            ("61e9", DATA), ("e97a", DATA), ("c3", DATA), ("c37a", DATA),
+            ("c3c3", DATA), ("e282", DATA), ("e2827a", DATA),
+            ("f09f8e", DATA), ("c1bf", DATA), ("edbfbf", DATA),
+            ("f5808080", DATA), ("ff", DATA), ("fe", DATA)):
+        name = bytes.fromhex(text)
+        yield bytes([0, len(name)]) + name + bytes(4), status
+
+
 def check_names(f):
     chunk, n_ok = f.chunk("NAME"), 0
-    for payload, status in page.examples():
+    for payload, status in names():
         edit = films.Edit(f).payload(
             "NAME", bytes(page.sizes["Names"]) + payload)
         edit.sign_all()

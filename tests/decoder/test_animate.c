@@ -103,61 +103,6 @@ TEST(position_should_follow_the_cubic)
     assert_true(saturated > ROUNDS / 100 && saturated < ROUNDS / 2);
 }
 
-/* With the largest values of both signs, at both ends of dt, positions must
- * saturate at the limit. */
-TEST(position_should_saturate_at_the_limit)
-{
-    const saga_prim_format f = { .motion_order = 3 };
-    saga_primitive p;
-    saga_animated a;
-
-    for (int sign = -1; sign <= 1; sign += 2) {
-        memset(&p, 0, sizeof p);
-        p.t_centre = -32768;
-        for (int i = 0; i < 9; i++)
-            p.motion[i] = (int16_t)(sign < 0 ? -32768 : 32767);
-        for (int i = 0; i < 3; i++)
-            p.support[i] = 1 << 23;
-        saga_animate(&a, &p, &f, 65535);
-        for (int i = 0; i < 3; i++)
-            assert_int_equal(a.x[i], sign * (1 << 29));
-    }
-    p.motion[3] = p.motion[6] = 0; /* x: 32767 age box units */
-    p.support[0] = 1;
-    saga_animate(&a, &p, &f, 32768);
-    assert_int_equal(a.x[0], 2 * 32767);
-    p.motion[3] = p.motion[6] = 32767; /* 14 x 32767, then 84, but for 2^19 */
-    saga_animate(&a, &p, &f, 32768);
-    assert_int_equal(a.x[0], 14 * 32767);
-    p.log2_width_q10 = 0;
-    saga_animate(&a, &p,
-                 &(saga_prim_format){ .motion_order = 3, .has_width = 1 }, 0);
-    assert_int_equal(a.x[0], 524288);
-}
-
-/* The motion is 1/4 of the support (2^14 box units) per unit of age, and age is
- * dt / 32768. The displacement must be 2^14 / 4 * dt / 32768 = dt / 8, ties
- * rounded up. */
-TEST(position_should_be_exact_where_it_can_be)
-{
-    const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
-    saga_primitive p = { 0 };
-    saga_animated a;
-
-    p.t_centre = 32768;
-    p.support[0] = p.support[1] = p.support[2] = 1 << 14;
-    p.motion[0] = 4096;
-    p.motion[1] = -4096;
-    for (int32_t t = 0; t < 65536; t++) {
-        const int32_t dt = t - 32768;
-
-        saga_animate(&a, &p, &f, t);
-        assert_int_equal(a.x[0], (int32_t)floor(dt / 8.0 + 0.5));
-        assert_int_equal(a.x[1], (int32_t)floor(-dt / 8.0 + 0.5));
-        assert_int_equal(a.x[2], 0);
-    }
-}
-
 /* --- Quaternion ---------------------------------------------------------- */
 
 static double largest(const double *v)
@@ -208,27 +153,6 @@ TEST(quaternion_should_be_linear_in_age)
                                       true_age(&p, &f, t)
                                 : 0);
         check_quat(&a, v);
-    }
-}
-
-TEST(slope_of_zero_should_rotate_as_no_slope)
-{
-    gen_rng r = gen_seeded(13);
-    saga_prim_format f;
-    saga_primitive p;
-    saga_animated a, b;
-
-    for (int i = 0; i < ROUNDS / 10; i++) {
-        const int32_t t = any_t(&r);
-
-        gen_hard_format(&f, &r);
-        gen_hard_primitive(&p, &r, 12);
-        memset(p.slope, 0, sizeof p.slope);
-        f.has_slope = 0;
-        saga_animate(&a, &p, &f, t);
-        f.has_slope = 1;
-        saga_animate(&b, &p, &f, t);
-        assert_memory_equal(&a, &b, sizeof a);
     }
 }
 
@@ -305,26 +229,6 @@ TEST(every_width_should_fade)
             if (i == 0)
                 assert_int_equal(a.q0_q20, 3323907); /* log2(1 + 2^3) */
         }
-}
-
-/* If |dt| is more than 16 widths, the fade must be log2(e) 16^2, as for 16. */
-TEST(fade_should_saturate)
-{
-    const saga_prim_format f = { .has_width = 1 };
-    saga_animated a;
-    saga_primitive p = { .log2_width_q10 = -32768, .opacity = 32767 };
-
-    saga_animate(&a, &p, &f, 1);
-    assert_int_equal(a.q0_q20, (1512775u * 256u));
-    p.opacity = -32768;
-    saga_animate(&a, &p, &f, 65535);
-    assert_int_equal(a.q0_q20, (1 << 28) + (1512775 << 8));
-    saga_animate(&a, &p, &f, 0);
-    assert_int_equal(a.q0_q20, 1 << 28);
-    p.log2_width_q10 = 32767;
-    p.opacity = 0;
-    saga_animate(&a, &p, &f, 65535);
-    assert_int_equal(a.q0_q20, 3323907);
 }
 
 /* --- Fields -------------------------------------------------------------- */
