@@ -359,57 +359,6 @@ TEST(layer_should_not_overflow_on_the_largest_valid_rows)
     }
 }
 
-TEST(int8_should_equal_int16_on_extreme_activations)
-{
-    FREED_BY(net_free) net n = net_new(64, 64, 1);
-    uint64_t seed = 7;
-    FREED int16_t *const y16 = zeroed(POINTS * 64, sizeof *y16);
-
-    fill_random(&n, &seed);
-    place_weights(&n);
-    for (int trial = 0; trial < 40; trial++) {
-        const saga_layer wide = net_layer(&n, 0, 0);
-        const saga_layer narrow = net_layer(&n, 1, 0);
-
-        for (uint32_t k = 0; k < POINTS * 64; k++)
-            n.x[k] = random_bits(&seed) & 1u ? 32767 : -32767;
-        saga_mlp_layer(y16, &wide, n.x, POINTS);
-        saga_mlp_layer(n.y, &narrow, n.x, POINTS);
-        assert_memory_equal(y16, n.y, POINTS * 64 * sizeof *y16);
-    }
-}
-
-TEST(layer_without_inputs_should_give_its_bias)
-{
-    FREED_BY(net_free) net n = net_new(0, 3, 1);
-
-    n.bias[0] = 1 << 20;
-    n.bias[1] = -(1 << 20) - 1;
-    n.bias[2] = 40000;
-    n.shift[0] = n.shift[1] = 8;
-    check(&n);
-    check_variant(&n, 0, 0);
-    assert_int_equal(n.y[0], 4096);
-    assert_int_equal(n.y[1], -4096);
-    assert_int_equal(n.y[2], 32767);
-}
-
-TEST(halves_should_round_up)
-{
-    FREED_BY(net_free) net n = net_new(0, 4, 1);
-
-    n.bias[0] = 3;
-    n.bias[1] = -3;
-    n.bias[2] = 1;
-    n.bias[3] = -1;
-    memset(n.shift, 1, 4);
-    check_variant(&n, 0, 0);
-    assert_int_equal(n.y[0], 2);
-    assert_int_equal(n.y[1], -1);
-    assert_int_equal(n.y[2], 1);
-    assert_int_equal(n.y[3], 0);
-}
-
 TEST(row_should_be_valid_up_to_exactly_the_bound)
 {
     for (int shift = 0; shift <= 24; shift++) {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The range coder alone. decoder/range_dec must read what
- * trainer/code/range_enc wrote, to the last byte; adaptive models must never
- * lose a symbol; and the length must follow from the integer frequencies.
+ * trainer/code/range_enc wrote, to the last byte.
  *
  * The guarantees at the end of a chunk are exactly these:
  * - A decoder that has read all symbols of a chunk of n bytes stands at n + 3.
@@ -208,21 +207,6 @@ TEST(sequences_should_come_back)
             random_op(&ops[i], &r, kinds);
         check_sequence(ops, n);
     }
-}
-
-TEST(sequence_without_symbols_should_be_one_byte)
-{
-    saga_range_dec d;
-    uint32_t range;
-    size_t n;
-    FREED uint8_t *const p = encode(NULL, 0, &n, &range);
-
-    assert_int_equal(n, 1);
-    assert_int_equal(p[0], 0);
-    saga_range_dec_init(&d, p, n);
-    assert_true(saga_range_dec_finish(&d));
-    saga_range_dec_init(&d, p, 0);
-    assert_false(saga_range_dec_finish(&d));
 }
 
 TEST(encoder_should_never_write_past_its_buffer)
@@ -433,24 +417,6 @@ TEST(carry_should_run_through_many_pending_bytes)
     assert_true(longest >= 4);
 }
 
-/* Random operations follow, so that the symbols after the carry are checked,
- * too. */
-TEST(symbols_after_a_carry_should_come_back)
-{
-    FREED op *const ops = must(calloc(300, sizeof *ops));
-    uint64_t r = testing_seed(1), pending;
-
-    for (uint32_t k = 0; k < 500; k++) {
-        const uint32_t n = 2 + pick(&r, 100);
-        const uint32_t tail = pick(&r, 200);
-
-        (void)build_chain(ops, n, (int)pick(&r, 2), &pending);
-        for (uint32_t i = 0; i < tail; i++)
-            random_op(&ops[n + i], &r, 15);
-        check_sequence(ops, n + tail);
-    }
-}
-
 /* --- The end ------------------------------------------------------------- */
 
 TEST(cut_chunk_should_never_pass_as_whole)
@@ -529,182 +495,4 @@ TEST(code_outside_the_range_should_be_refused)
     saga_range_dec_init(&d, last, sizeof last);
     assert_int_equal(d.coder.uniform(&d.coder, nowhere, 1), 1);
     assert_false(d.coder.error);
-}
-
-/* --- Adaptive models ----------------------------------------------------- */
-
-static void assert_frequencies(const saga_adaptive *m, uint32_t n_sym)
-{
-    uint32_t low = 0;
-
-    for (uint32_t i = 1; i < n_sym; i++) {
-        if (m->start[i - 1] <= low)
-            fail_msg("n_sym %" PRIu32 ": a symbol is lost", n_sym);
-        low = m->start[i - 1];
-    }
-    if (low >= SAGA_PROB_TOTAL)
-        fail_msg("n_sym %" PRIu32 ": the last symbol is lost", n_sym);
-}
-
-static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym, int most)
-{
-    uint32_t best = 0, best_f = 0;
-
-    for (uint32_t i = 0; i < n_sym; i++) {
-        const uint32_t f = end_of(m, n_sym, i) - saga_adaptive_start(m, i);
-
-        if (i == 0 || (most ? f > best_f : f < best_f)) {
-            best = i;
-            best_f = f;
-        }
-    }
-    return best;
-}
-
-/* Returns the next symbol of a pattern that could starve others: one symbol
- * only, the two ends alternating, always the rarest, always the most frequent,
- * or random. */
-static uint32_t next_symbol(const saga_adaptive *m, uint32_t n_sym, uint32_t i,
-                            uint32_t how, uint64_t *r)
-{
-    switch (how) {
-    case 0:
-        return 0;
-    case 1:
-        return n_sym - 1;
-    case 2:
-        return i & 1 ? n_sym - 1 : 0;
-    case 3:
-        return extreme_symbol(m, n_sym, 0);
-    case 4:
-        return extreme_symbol(m, n_sym, 1);
-    case 5:
-        return n_sym / 2;
-    default:
-        return pick(r, n_sym);
-    }
-}
-
-TEST(adaptive_models_should_keep_every_symbol)
-{
-    const uint32_t n_updates = 1000000;
-    uint64_t r = testing_seed(1);
-    uint32_t how = 0;
-
-    for (uint32_t n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym++) {
-        saga_adaptive m;
-
-        saga_adaptive_init(&m, n_sym);
-        assert_frequencies(&m, n_sym);
-        for (uint32_t i = 0; i < n_updates; i++) {
-            if (i % 997 == 0)
-                how = pick(&r, 8);
-            if (i % 99991 == 0)
-                random_model(&m, n_sym, &r);
-            saga_adaptive_update(&m, n_sym, next_symbol(&m, n_sym, i, how, &r));
-            assert_frequencies(&m, n_sym);
-        }
-        assert_true(m.seen <= 255);
-    }
-}
-
-/* --- Length -------------------------------------------------------------- */
-
-static double bits_of(uint32_t frequency)
-{
-    return SAGA_PROB_BITS - log2((double)frequency);
-}
-
-/* Returns the bits of the code after an escape: a one for each class that is
- * skipped, a zero if there are more classes, the rest, and the sign. */
-static double escape_bits(uint32_t v)
-{
-    uint32_t bits = SAGA_ESCAPE_ORDER;
-    double n = 1;
-
-    for (; bits < 16 && v >= 1u << bits; bits++, n++)
-        v -= 1u << bits;
-    return n + (bits < 16) + bits;
-}
-
-/* Draws a residual with the frequencies of the table, and sets *bits to its
- * code length by these frequencies. */
-static int32_t draw_residual(uint32_t scale, uint64_t *r, double *bits)
-{
-    const saga_scale_row row = saga_prob_scale(scale);
-    const uint32_t at = pick(r, SAGA_PROB_TOTAL);
-    uint32_t m = 0, v;
-    int32_t q;
-
-    while (m <= row.max && at >= row.start[m + 1])
-        m++;
-    if (m > row.max) {
-        v = pick(r, 20);
-        *bits += bits_of(SAGA_PROB_TOTAL - row.start[m]) + escape_bits(v);
-        q = (int32_t)(m + v);
-        return pick(r, 2) ? q : -q;
-    }
-    if (m == 0) {
-        *bits += bits_of(row.start[1]);
-        return 0;
-    }
-    *bits += bits_of((uint32_t)(row.start[m + 1] - row.start[m]) / 2);
-    return at & 1 ? (int32_t)m : -(int32_t)m;
-}
-
-/* The coder must need at most 0.15 % more bits than its integer frequencies
- * say. */
-TEST(length_should_be_that_of_the_frequencies)
-{
-    static const uint32_t scales[] = { 15, 24, 38 };
-    const uint32_t n = 1000000;
-    const size_t cap = 4 * (size_t)n;
-    FREED uint8_t *const p = must(malloc(cap));
-    uint64_t r = testing_seed(1);
-
-    for (uint32_t k = 0; k < 3; k++) {
-        saga_range_enc e;
-        double bits = 0, coded, over;
-
-        saga_range_enc_init(&e, p, cap);
-        for (uint32_t i = 0; i < n; i++)
-            saga_range_enc_residual(&e, draw_residual(scales[k], &r, &bits),
-                                    scales[k]);
-        coded = 8.0 * (double)saga_range_enc_finish(&e);
-        over = 100 * (coded - bits) / bits;
-        printf("%.3f bit/symbol, %.3f %% over\n", bits / n, over);
-        assert_true(coded > bits - 64);
-        assert_true(over <= 0.15);
-        if (k == 1)
-            assert_true(bits / n > 2.2 && bits / n < 2.4);
-    }
-}
-
-TEST(length_of_adaptive_symbols_should_be_that_too)
-{
-    const uint32_t n = 300000;
-    const size_t cap = 4 * (size_t)n;
-    FREED uint8_t *const p = must(malloc(cap));
-    uint64_t r = testing_seed(1);
-
-    for (uint32_t n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym += 5) {
-        saga_range_enc e;
-        saga_adaptive m;
-        double bits = 0, coded;
-
-        saga_adaptive_init(&m, n_sym);
-        saga_range_enc_init(&e, p, cap);
-        for (uint32_t i = 0; i < n; i++) {
-            const uint32_t sym = pick(&r, 1 + pick(&r, n_sym));
-            const uint32_t start = saga_adaptive_start(&m, sym);
-            const uint32_t end = end_of(&m, n_sym, sym);
-
-            bits += bits_of(end - start);
-            saga_range_enc_interval(&e, start, end);
-            saga_adaptive_update(&m, n_sym, sym);
-        }
-        coded = 8.0 * (double)saga_range_enc_finish(&e);
-        assert_true(coded > bits - 64);
-        assert_true(coded <= 1.0015 * bits + 64);
-    }
 }
