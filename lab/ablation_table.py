@@ -138,9 +138,11 @@ def ablation(rates):
     print("### Entropy model without its parts\n")
     full = [r["full"] for r in rates]
     trained = [r["trained"] for r in rates]
+    ends = 0, len(rates) - 1
     rows = [["as trained", percent(same_symbols(full, trained)),
              percent(bd_rate(points(full), points(trained)))] +
-            [f"{kb(r.bytes)} / {db(r.psnr)}" for r in trained] + [""]]
+            [f"{kb(trained[i].bytes)} / {db(trained[i].psnr)}" for i in ends] +
+            [""]]
     for key, name in VARIANTS:
         runs = [r[key] for r in rates]
         if not all(r.there for r in runs):
@@ -148,10 +150,10 @@ def ablation(rates):
         base = [r[AGAINST.get(key, "full")] for r in rates]
         rows.append([name, percent(same_symbols(base, runs)),
                      percent(bd_rate(points(base), points(runs)))] +
-                    [f"{kb(r.bytes)} / {db(r.psnr)}" for r in runs] +
-                    [sources(runs[-1])])
+                    [f"{kb(runs[i].bytes)} / {db(runs[i].psnr)}"
+                     for i in ends] + [sources(runs[-1])])
     table(["variant", "rate", "BD-rate"] +
-          [label(i) + ": kB / dB" for i in range(len(rates))] + ["sources"],
+          [label(i) + ": kB / dB" for i in ends] + ["sources"],
           rows)
     prose("The letters are the sources (inputs of the entropy networks) of "
           "coarse anchors, fine offsets and primitive offsets that saved more "
@@ -215,11 +217,10 @@ def order0(scenes):
                          kb(k["entropy0"]), f"{100 * k['saving']:.1f} %"])
     table(["scene", "kind", "saga, kB", "order-0, kB", "its entropy, kB",
            "saved"], rows)
-    prose("Both sides code the same symbols. Values are coded as decoded, in "
-          "steps; each channel of the order-0 coder has adaptive frequencies "
-          "of its own (Krichevsky and Trofimov) and 32 bits for their range. "
-          "It codes structure as a list of coordinates, which favours us. "
-          "\"Its entropy\" is the limit of any order-0 coder.")
+    prose("Both sides code the same symbols; each channel of the order-0 coder "
+          "has adaptive frequencies of its own (Krichevsky and Trofimov). It "
+          "codes structure as a list of coordinates, which favours us. \"Its "
+          "entropy\" is the limit of any order-0 coder.")
 
 
 # The paper's model without a part: make_paper's row, the paper's name and
@@ -244,13 +245,10 @@ NOTES = (
     "large ring chance is 0.05 dB and 1 % of the bytes, but its trainings are "
     "short: the files are still 4 dB below the warm-up.",
     "**V1**, no shared anchors, saves a fifth to two fifths of the bytes on "
-    "room and ring: primitives that could share an anchor have almost nothing "
-    "in common ([lab/anchors.md](../lab/anchors.md)), and a primitive with "
-    "features of its own starts as the warm-up made it "
-    "([lab/start.md](../lab/start.md)). On the large ring, with four to five "
-    "bytes for a primitive, sharing saves 7 %, as in the paper: 14 % at 25.7 "
-    "dB, nothing at 26.2. Fewer primitives with features of their own were not "
-    "tried there.",
+    "room and ring ([lab/anchors.md](../lab/anchors.md)). On the large ring, "
+    "with four to five bytes for a primitive, sharing saves 7 %, as in the "
+    "paper: 14 % at 25.7 dB, nothing at 26.2. Fewer primitives with features "
+    "of their own were not tried there.",
     "**V2**, no interpolation, is better on all three scenes. With K = 4 few "
     "primitives have a second fine anchor within reach.",
     "**V3**, no residual hash (two tables of 256 entries with a network, 2 to "

@@ -172,9 +172,8 @@ largest value. [numerics](../lab/README.md) has the conclusions.
 ![time and error of every operator](numerics.svg)
 
 The dark dot is the decoder. The time of a segment is given for one of its
-primitives, that of a picture for one of its pixels; the errors of both are
-those of a decoded picture's samples. In the next plot float64 counts as 53
-bits:
+primitives, that of a picture for one of its pixels. In the next plot float64
+counts as 53 bits:
 
 ![time against error](numerics_points.svg)
 
@@ -193,11 +192,8 @@ dense layer in float32, which is the trainer's. The time of the blend is given
 for one pixel of a splat's box.
 
 - Operators that sum many values are the least exact.
-- Interpolation is slower than float, because it divides and searches value by
-  value. So are animate and project on their own; the decoder runs both together
-  in vectors.
-- Reciprocals and roots of 32 bits are exact to 2^-30, so the only error of a
-  splat's mean is its rounding to 1/256 pixel.
+- Interpolation is slower than float, because it divides value by value.
+- Reciprocals and roots of 32 bits are exact to 2^-30.
 """
 
 STAGES_HEAD = """
@@ -218,12 +214,9 @@ of the measurement, are
 STAGES_TEXT = """
 - **The decoder's error is the row "from scaffold"**, the decoded anchors. The
   row "from symbols" also has the rounding of the entropy model's predictions,
-  which is no loss: the encoder makes the same predictions and codes what they
-  miss.
-- **Computing the primitives loses most**, above all in their motion: hidden
-  units of F_geo are rounded to 16 bits, and its last layer multiplies that
-  error. Computing the splats loses by the rounding of their means to 1/256 of a
-  pixel.
+  which is no loss, since the encoder makes the same.
+- **Computing the primitives loses most**, above all in their motion; splats
+  lose by the rounding of their means to 1/256 of a pixel.
 - In {cut} of all pixels some splat is drawn by only one of the two
   computations, if they start from the same scaffold, and in {cut_pixels} if
   they start from the same splats; most of these change by a level at most.

@@ -163,19 +163,6 @@ def against(anchor, test, within):
             ("" if rate is not None else ": too little")]
 
 
-def seeds_of(rows, anchor, of, within):
-    """Returns the range of the BD-rates of single seeds, if there are
-    several."""
-    own = {}
-    for row in rows:
-        own.setdefault(row["seed"], []).append(row)
-    values = [bd_rate(anchor, curve(r, of), within, LEAST)
-              for r in own.values() if curve(r, of)]
-    values = [v for v in values if v is not None]
-    return f"{min(values):+.1f} .. {max(values):+.1f}" if len(values) > 1 \
-        else "-"
-
-
 def bd_table(scenes, rows, points):
     out = []
     for scene in scenes:
@@ -188,10 +175,9 @@ def bd_table(scenes, rows, points):
             anchor = curve(its, "all")
             out.append([scene.name, CODECS[codec]] +
                        against(anchor, all_views, scene.within) +
-                       [seeds_of(states[-1], anchor, "all", scene.within)] +
                        against(curve(its, "held_out"), held_out,
                                scene.within))
-    return table(["scene", "against", "all cameras", "over dB", "by seeds",
+    return table(["scene", "against", "all cameras", "over dB",
                   "held-out cameras", "over dB"], out)
 
 
@@ -242,11 +228,10 @@ backwards in time: the best plain video coding that was found."""
 
 BD = """BD-rate is the mean change of bytes at equal PSNR, computed by monotone cubics of log-rate over
 the interval that both curves cover; if they share less than 1 dB, there is
-none. "By seeds" is the lowest and the highest BD-rate of single seeds."""
+none."""
 
-HELD_OUT = """For held-out cameras, our PSNR of views that training never saw
-is compared with the other codec's PSNR of the same cameras, which it coded.
-Bytes are always those of all cameras."""
+HELD_OUT = """The other codecs coded the held-out cameras, too. Bytes are always
+those of all cameras."""
 
 SAVINGS = """A cell is the change of bytes at the same PSNR of all cameras, or a
 dash if one of the curves does not reach it."""
