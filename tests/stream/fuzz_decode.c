@@ -20,14 +20,14 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most,
 /* libFuzzer's own changes, which may change the length up to `most`. */
 size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
-/* Number of inputs that were played, of those that entered a segment, and of
+/* Number of inputs that were played, of those that had a valid segment, and of
  * those that drew a picture. */
-static unsigned long n_played, n_entered, n_drawn;
+static unsigned long n_played, n_decoded, n_drawn;
 
 static void tell(void)
 {
-    printf("fuzz_decode: %lu played, %lu entered a segment, %lu drew\n",
-           n_played, n_entered, n_drawn);
+    printf("fuzz_decode: %lu played, %lu decoded a segment, %lu drew\n",
+           n_played, n_decoded, n_drawn);
 }
 
 /* Returns a signed copy of an input, which the caller frees. */
@@ -62,7 +62,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     free(copy);
     if (n_played++ == 0)
         atexit(tell);
-    n_entered += result.n_segments > 0 || result.stage > MUTATE_AT_SEGMENT;
+    n_decoded += result.n_segments > 0;
     n_drawn += result.stage == MUTATE_DRAWN;
     if (result.broken) {
         fprintf(stderr, "fuzz_decode: not so: %s\n", result.broken);

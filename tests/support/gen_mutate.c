@@ -16,8 +16,7 @@
 #include <string.h>
 
 const char *const mutate_stage_text[MUTATE_N_STAGES] = {
-    "header", "size", "index", "nets", "segment", "tree",
-    "coarse", "fine", "prim",  "view", "drawn"
+    "header", "size", "index", "nets", "segment", "view", "drawn"
 };
 
 void *mutate_must(void *p)
@@ -347,44 +346,10 @@ static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
     saga_syntax_begin(sc);
 }
 
-static mutate_stage stage_of(uint8_t sym)
-{
-    return sym <= SAGA_SYM_N_FINE    ? MUTATE_AT_TREE
-           : sym <= SAGA_SYM_FEATURE ? MUTATE_AT_COARSE
-           : sym <= SAGA_SYM_FINE_OFFSET || sym == SAGA_SYM_N_PRIM
-               ? MUTATE_AT_FINE
-               : MUTATE_AT_PRIM;
-}
-
 static int counts_fit(const saga_header *h, const saga_counts *n)
 {
     return n->coarse >= 1 && n->coarse <= h->max.coarse &&
            n->fine <= h->max.fine && n->prim <= h->max.prim;
-}
-
-/* Returns the stage at which the three chunks of a layer fail, or
- * MUTATE_AT_VIEW if they decode. */
-static mutate_stage stage_of_layer(const head *h, saga_counts n,
-                                   const mutate_part *chunks)
-{
-    mutate_stage stage = MUTATE_AT_VIEW;
-    FREED_BY(saga_scaffold_free) saga_scaffold sc;
-
-    scaffold_open(&sc, h, n);
-    for (int i = 0; i < 3 && stage == MUTATE_AT_VIEW; i++) {
-        saga_range_dec range;
-        witness w;
-
-        saga_range_dec_init(&range, chunks[i].p, chunks[i].n);
-        witness_init(&w, &range.coder);
-        w.last = i == 0   ? SAGA_SYM_SPLIT
-                 : i == 1 ? SAGA_SYM_FINE_OFFSET
-                          : SAGA_SYM_PRIM_OFFSET;
-        if (!saga_syntax_part(&sc, i, &w.coder) ||
-            !saga_range_dec_finish(&range))
-            stage = stage_of(w.last);
-    }
-    return stage;
 }
 
 /* --- Repair -------------------------------------------------------------- */
@@ -1060,67 +1025,6 @@ void mutate_look(mutate_result *result, saga_decoder *dec,
     look_around(&p);
 }
 
-static uint32_t owner_of(const player *p)
-{
-    const saga_segment any = { .nbytes = 0 };
-    saga_header h;
-
-    saga_head_read(&h, p->head, p->n_head);
-    return recorder_segment_chunks(&h, p->head, &any).owner;
-}
-
-enum { SEGMENT_PARTS = 1 + 3 * SAGA_MAX_LAYERS };
-
-/* Splits a segment with n_layers into its chunks. Returns 1 if all are
- * complete. */
-static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
-                         uint32_t owner, const uint8_t *bytes, size_t n)
-{
-    static const uint32_t type[4] = { SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE,
-                                      SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM };
-    size_t at = 0;
-
-    for (uint32_t i = 0; i < 1 + 3 * n_layers; i++) {
-        saga_chunk chunk;
-
-        if (saga_head_chunk(&chunk, type[i ? 1 + (i - 1) % 3 : 0], owner,
-                            bytes + at, n - at))
-            return 0;
-        part[i].type = chunk.type;
-        part[i].n = chunk.nbytes;
-        part[i].p = (uint8_t *)(uintptr_t)(bytes + at + SAGA_CHUNK_NBYTES);
-        if (i == 0 && chunk.nbytes != saga_segment_nbytes(n_layers))
-            return 0;
-        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
-    }
-    return at == n;
-}
-
-/* Returns the stage at which a segment fails that saga_decode has refused, and
- * checks that decoding it stage by stage fails, too. */
-static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
-{
-    const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
-                        p->info.nets_nbytes;
-    mutate_stage stage = MUTATE_AT_VIEW;
-    mutate_part part[SEGMENT_PARTS];
-    head h;
-
-    if (!split_segment(part, p->info.n_layers, owner_of(p), bytes, n))
-        return MUTATE_AT_SEGMENT;
-    if (!head_open(&h, p->head, p->n_head, p->head + nets, p->info.nets_nbytes))
-        return MUTATE_AT_NETWORKS;
-    for (uint32_t i = 0; i < p->info.n_layers && stage == MUTATE_AT_VIEW; i++) {
-        const saga_counts counts = counts_of(&part[0], i);
-
-        stage = MUTATE_AT_SEGMENT;
-        if (counts_fit(&h.header, &counts))
-            stage = stage_of_layer(&h, counts, part + 1 + 3 * i);
-    }
-    free(h.params);
-    return stage == MUTATE_AT_VIEW ? MUTATE_AT_SEGMENT : stage;
-}
-
 /* Decodes only the first bytes of a segment, as a player may. This must give
  * those layers that are complete in these bytes. */
 static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
@@ -1183,7 +1087,7 @@ static void play_segment(player *p, const saga_segment *seg,
         free(copy);
         return;
     }
-    refuse(result, stage_of_segment(p, copy, n), s);
+    refuse(result, MUTATE_AT_SEGMENT, s);
     odd_camera(&c, p->r);
     PROMISE(result, saga_tell(&report, p->dec) == SAGA_ERR_STATE);
     PROMISE(result, saga_view(p->dec, &c, 0) == SAGA_ERR_STATE);

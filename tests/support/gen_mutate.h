@@ -90,14 +90,9 @@ typedef enum mutate_stage {
     MUTATE_AT_SIZE, /* valid, but the harness declines its size */
     MUTATE_AT_INDEX,
     MUTATE_AT_NETWORKS, /* the networks or the base */
-    MUTATE_AT_SEGMENT,  /* the segment header, or a chunk's CRC or
-                         * length */
-    MUTATE_AT_TREE,
-    MUTATE_AT_COARSE,
-    MUTATE_AT_FINE,
-    MUTATE_AT_PRIM,
-    MUTATE_AT_VIEW, /* reconstruction succeeds; the rig's camera is
-                     * refused */
+    MUTATE_AT_SEGMENT,  /* any chunk of a segment */
+    MUTATE_AT_VIEW,     /* reconstruction succeeds; the rig's camera is
+                         * refused */
     MUTATE_DRAWN,
     MUTATE_N_STAGES
 } mutate_stage;
