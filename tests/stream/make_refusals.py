@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""make_refusals.py TRANSCODE [FOLDER]: writes FOLDER/REFUSALS (vectors/).
+"""make_refusals.py [FOLDER]: writes FOLDER/REFUSALS (vectors/) again.
 
 Each line is a file that a decoder must refuse, described by edits of a good
 vector; vectors/README.md has the format. Fields, their places and their ranges
@@ -8,12 +8,8 @@ come from the tables of docs/bitstream.md, so that a range which changes there
 changes here. A row breaks one rule and keeps all others where this is possible:
 checksums are made anew, and a file with a bad header ends after its header, so
 that a decoder without the check would report TRUNCATED.
-
-TRANSCODE is the program of tests/stream/transcode.c, which replaces a symbol in
-a range coded payload.
 """
 import os
-import subprocess
 import sys
 
 import levels
@@ -536,17 +532,16 @@ def exposures(film, without, with_base):
 
 # --- Contents ----------------------------------------------------------------
 
-def contents(transcode, plain, folder):
-    """Adds files with a symbol replaced, whose payloads come from
-    tests/stream/transcode.c. Most replaced symbols are in the colour's
-    network, which must not be int8."""
-    listing = subprocess.run(
-        [transcode, os.path.join(folder, plain.name)], check=True,
-        capture_output=True, text=True).stdout
-    for line in listing.splitlines():
-        rule, name, status, label, payload = line.split()
-        row(rule, name, int(status),
-            Edit(plain).payload(label, bytes.fromhex(payload)))
+def contents(folder):
+    """Keeps files with a symbol replaced in a payload of corner.saga. Such
+    payloads came from a program that decodes and encodes again, of which only
+    the history has the text (tests/stream/transcode.c, up to 71c8d842): both
+    the file and the symbols' rules are frozen."""
+    with open(os.path.join(folder, "REFUSALS")) as f:
+        for line in f.read().splitlines():
+            rule, name, _, _, path, *_ = [*line.split(), *[""] * 5]
+            if path == "good/corner.saga":
+                rows[rule, name] = line
 
 
 def counts(film):
@@ -588,8 +583,7 @@ def depths(space, time):
 
 
 def main():
-    transcode = sys.argv[1]
-    folder = sys.argv[2] if len(sys.argv) > 2 else "vectors"
+    folder = sys.argv[1] if len(sys.argv) > 1 else "vectors"
 
     def film(name):
         return Film(folder, f"good/{name}.saga")
@@ -609,8 +603,7 @@ def main():
     exposures(film("exposures"), film("sound"), film("exposures_base"))
     counts(plain)
     depths(film("deepest_in_space"), film("deepest_in_time"))
-    if transcode != "-":
-        contents(transcode, film("corner"), folder)
+    contents(folder)
     with open(os.path.join(folder, "REFUSALS"), "w") as f:
         f.write(HEAD + "\n".join(rows.values()) + "\n")
     print(f"{len(rows)} refusals")
