@@ -601,11 +601,11 @@ static const member members[] = { ONE(level, 0, 8),
 /* Changes a bit of the tools, or an element of a member. */
 static void damage_field(saga_header *h, uint64_t *r)
 {
-    const uint32_t i = pick(r, sizeof members / sizeof *members + 4);
+    const uint32_t i = pick(r, sizeof members / sizeof *members);
     const member *const m = &members[i];
     uint32_t v = odd_value(r);
 
-    if (i >= sizeof members / sizeof *members) {
+    if (pick(r, 10) == 0) {
         h->model.tools ^= 1u << pick(r, 13);
         return;
     }
