@@ -9,8 +9,6 @@
 #include "ref_recorder.h"
 #include "testing.h"
 
-enum { N_SOURCES = 128, COVERED = 1000 };
-
 /* --- Comparing ----------------------------------------------------------- */
 
 #define SAME(a, b, n) assert_memory_equal(a, b, (n) * sizeof *(a))
@@ -154,132 +152,6 @@ static void check_stream(gen_stream *g)
         check_segment(&p, g, i);
 }
 
-/* --- What the random streams covered ------------------------------------- */
-
-typedef struct {
-    uint32_t tools[32];
-    uint32_t sources[SAGA_N_KINDS][8], together[N_SOURCES];
-    uint32_t reads[SAGA_N_KINDS][2], update[3];
-    uint32_t slots[SAGA_MAX_SLOTS / SAGA_MIN_SLOTS + 1], slot_width[9];
-    uint32_t step_of_one, long_steps;
-    uint32_t groups[SAGA_N_TIERS][SAGA_MAX_GROUPS + 1];
-    uint32_t window[SAGA_N_TIERS][SAGA_MAX_WINDOW + 1];
-    uint32_t neighbours[SAGA_N_TIERS][SAGA_MAX_NEIGHBOURS + 1];
-    uint32_t suffix[SAGA_N_TIERS][SAGA_MAX_SUFFIX_BITS + 1];
-    uint32_t children[SAGA_N_TIERS][SAGA_MAX_CHILDREN + 1];
-    uint32_t level[4], segments[GEN_MAX_SEGMENTS + 1];
-    uint32_t no_fine, no_prim, one_coarse, extreme;
-} coverage;
-
-static void cover_segment(coverage *c, const saga_symbols *s)
-{
-    c->no_fine += s->n.fine == 0;
-    c->no_prim += s->n.fine != 0 && s->n.prim == 0;
-    c->one_coarse += s->n.coarse == 1;
-    for (uint32_t i = 0; i < 4 * s->n.fine; i++)
-        c->extreme += s->fine_offset[i] == SAGA_MAX_RESIDUAL ||
-                      s->fine_offset[i] == -SAGA_MAX_RESIDUAL;
-}
-
-static void cover_memory(coverage *c, const saga_model *m)
-{
-    c->update[!(m->tools & SAGA_TOOL_BANK)       ? 0
-              : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2
-                                                 : 1]++;
-    if (!(m->tools & SAGA_TOOL_BANK))
-        return;
-    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
-        c->reads[i][(m->sources[i] & SAGA_SOURCE_BANK) != 0]++;
-    c->slots[m->bank_slots / SAGA_MIN_SLOTS]++;
-    c->slot_width[m->bank_width / 8]++;
-    c->step_of_one += m->bank_blocks == 1;
-    c->long_steps += m->bank_blocks > 1000;
-}
-
-static void cover(coverage *c, const gen_stream *g)
-{
-    const saga_model *const m = &g->header.model;
-    uint32_t together = 0;
-
-    c->tools[m->tools & 31u]++;
-    c->level[g->header.level]++;
-    c->segments[g->n_segments]++;
-    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
-        c->sources[i][m->sources[i] & 7u]++;
-    cover_memory(c, m);
-    together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
-    together = together << 5 | (m->sources[1] & 7u) << 2 | (m->sources[2] & 3u);
-    c->together[together]++;
-    for (uint32_t i = 0; i < SAGA_N_TIERS; i++) {
-        c->groups[i][m->tier[i].n_groups]++;
-        c->window[i][m->tier[i].window]++;
-        c->neighbours[i][m->tier[i].neighbours]++;
-        c->suffix[i][m->tier[i].suffix_bits]++;
-        c->children[i][m->tier[i].max_children]++;
-    }
-    for (uint32_t i = 0; i < g->n_segments; i++)
-        cover_segment(c, &g->segment[i]);
-}
-
-static uint32_t n_seen(const uint32_t *count, uint32_t first, uint32_t last)
-{
-    uint32_t seen = 0;
-
-    for (; first <= last; first++)
-        seen += count[first] != 0;
-    return seen;
-}
-
-static void assert_all(const uint32_t *count, uint32_t first, uint32_t last)
-{
-    assert_int_equal(n_seen(count, first, last), last - first + 1);
-}
-
-/* Checks that each kind had all sources that it may have. */
-static void assert_sources(const coverage *c)
-{
-    static const uint8_t coarse[] = { 0, 1, 4, 5 };
-
-    for (uint32_t i = 0; i < 4; i++)
-        assert_int_not_equal(c->sources[SAGA_KIND_COARSE][coarse[i]], 0);
-    assert_all(c->sources[SAGA_KIND_FINE], 0, 7);
-    assert_all(c->sources[SAGA_KIND_PRIM], 0, 3);
-}
-
-static void assert_memory(const coverage *c)
-{
-    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
-        assert_all(c->reads[i], 0, 1);
-    assert_all(c->update, 0, 2);
-    for (uint32_t i = 1; i <= SAGA_MAX_SLOTS / SAGA_MIN_SLOTS; i *= 2)
-        assert_int_not_equal(c->slots[i], 0);
-    assert_all(c->slot_width, 1, 8);
-    assert_int_not_equal(c->step_of_one, 0);
-    assert_int_not_equal(c->long_steps, 0);
-}
-
-static void assert_covered(const coverage *c, uint32_t n)
-{
-    assert_all(c->tools, 0, 31);
-    assert_sources(c);
-    assert_memory(c);
-    for (uint32_t i = 0; i < SAGA_N_TIERS; i++) {
-        assert_all(c->groups[i], 1, SAGA_MAX_GROUPS);
-        assert_all(c->neighbours[i], 1, SAGA_MAX_NEIGHBOURS);
-        assert_all(c->suffix[i], 0, SAGA_MAX_SUFFIX_BITS);
-        assert_all(c->children[i], 1, SAGA_MAX_CHILDREN);
-        assert_all(c->window[i], 0, 8);
-    }
-    assert_all(c->level, 0, 3);
-    assert_all(c->segments, 1, GEN_MAX_SEGMENTS);
-    assert_int_not_equal(c->no_fine, 0);
-    assert_int_not_equal(c->no_prim, 0);
-    assert_int_not_equal(c->one_coarse, 0);
-    assert_int_not_equal(c->extreme, 0);
-    if (n >= 10 * COVERED)
-        assert_all(c->together, 0, N_SOURCES - 1);
-}
-
 /* Returns the options of trial i. Most have level 0 or 1: the others differ
  * only in having larger networks. */
 static gen_options options_of(uint64_t seed, uint32_t i)
@@ -303,20 +175,14 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 {
     const uint64_t seed = testing_seed(1);
     const uint32_t n = testing_count(600, 100000);
-    coverage c = { 0 };
 
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {
         const gen_options o = options_of(seed + i, i);
         FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        cover(&c, &g);
         check_stream(&g);
     }
-    printf("%" PRIu32 " of 128 combinations of sources\n",
-           n_seen(c.together, 0, N_SOURCES - 1));
-    if (n >= COVERED)
-        assert_covered(&c, n);
 }
 
 /* --- Limits -------------------------------------------------------------- */
@@ -396,71 +262,4 @@ TEST(stream_should_survive_every_extreme_residual)
     for (uint32_t i = 0; i < 4 * s->n.prim; i++)
         s->prim_offset[i] = i & 8 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
     check_stream(&g);
-}
-
-/* --- Random access ------------------------------------------------------- */
-
-static void assert_same_splats(const saga_splat *a, const saga_splat *b)
-{
-    SAME(a->mean_q8, b->mean_q8, 2);
-    SAME(a->chol_q28, b->chol_q28, 3);
-    SAME(a->colour_q15, b->colour_q15, 3);
-    assert_int_equal(a->q0_q20, b->q0_q20);
-    assert_int_equal(a->depth, b->depth);
-    assert_int_equal(a->x0, b->x0);
-    assert_int_equal(a->y0, b->y0);
-    assert_int_equal(a->x1, b->x1);
-    assert_int_equal(a->y1, b->y1);
-}
-
-/* Checks that two decoders with the same segment see the same. */
-static void assert_same_views(player *a, player *b, int32_t t)
-{
-    player_view(a, 0, t);
-    player_view(b, 0, t);
-    assert_memory_equal(&a->report, &b->report, sizeof a->report);
-    for (uint32_t i = 0; i < a->report.n_primitives; i++) {
-        const saga_animated x = player_primitive(a, i, t);
-        const saga_animated y = player_primitive(b, i, t);
-
-        assert_memory_equal(&x, &y, sizeof x);
-    }
-    for (uint32_t i = 0; i < a->report.n_splats; i++) {
-        const saga_splat x = player_splat(a, i), y = player_splat(b, i);
-
-        assert_same_splats(&x, &y);
-    }
-}
-
-static void check_random_access(uint64_t seed, uint32_t tools)
-{
-    const gen_options o = { .seed = seed,
-                            .level = 1,
-                            .n_coarse = 8,
-                            .n_segments = 3,
-                            .picture = 1,
-                            .tools_fixed = 1,
-                            .tools = tools };
-    player all, one;
-    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
-
-    player_open(&all, &g);
-    player_open(&one, &g);
-    decode_copy(&all, &g, 0);
-    player_view(&all, 0, 1000);
-    decode_copy(&all, &g, 1);
-    decode_copy(&all, &g, 2);
-    decode_copy(&one, &g, 2);
-    assert_same_views(&all, &one, 0);
-    assert_same_views(&all, &one, 65535);
-    player_close(&all);
-    player_close(&one);
-}
-
-TEST(segment_should_not_depend_on_those_before_it)
-{
-    const uint64_t seed = testing_seed(1);
-
-    for (uint32_t i = 0; i < 16; i++)
-        check_random_access(seed + i, (i * 5 + 31) % 32);
 }
