@@ -37,40 +37,22 @@ static double cpu_seconds(void)
 
 /* --- A file -------------------------------------------------------------- */
 
-typedef struct {
-    uint8_t *bytes;
-    size_t n;
-    saga_info info;
-    void *work;
-    saga_decoder *dec;
-    saga_segment seg;
-} film;
-
-static void load(film *f, gen_stream *g)
+static void load(player *f, gen_stream *g)
 {
-    gen_stream_encode(g, &f->bytes, &f->n);
-    assert_ok(saga_probe(&f->info, f->bytes, f->n));
+    player_load(f, g);
     assert_ok(saga_find(&f->seg, f->bytes, f->n, 0, 1));
-    f->work = must(aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes));
-    f->dec = NULL;
 }
 
-static saga_status open_film(film *f, const saga_watch *watch)
+static saga_status open_film(player *f, const saga_watch *watch)
 {
     return saga_open(&f->dec, f->work, f->info.work_nbytes, f->bytes, f->n,
                      watch);
 }
 
-static saga_status decode(film *f, const saga_watch *watch)
+static saga_status decode(player *f, const saga_watch *watch)
 {
     return saga_decode(f->dec, &f->seg, f->bytes + f->seg.offset, f->seg.nbytes,
                        watch);
-}
-
-static void unload(film *f)
-{
-    free(f->bytes);
-    free(f->work);
 }
 
 /* --- Levels -------------------------------------------------------------- */
@@ -89,7 +71,7 @@ TEST(slowest_should_be_the_last_that_is_valid)
             const saga_level_caps *const cap = &saga_caps[level];
             FREED_BY(gen_stream_free) gen_stream g;
             saga_counts max;
-            FREED_BY(unload) film f;
+            FREED_BY(player_close) player f;
 
             gen_slow_make(&g, level, kind, 4096);
             max = g.header.max;
@@ -115,7 +97,7 @@ TEST(slowest_should_decode)
             const uint32_t share = share_of(level);
             FREED_BY(gen_stream_free) gen_stream g;
             double begin;
-            FREED_BY(unload) film f;
+            FREED_BY(player_close) player f;
 
             gen_slow_make(&g, level, kind, share);
             load(&f, &g);
@@ -142,7 +124,7 @@ static int ask(void *user)
     return ++p->n_asked == p->at;
 }
 
-static uint32_t digest(const film *f)
+static uint32_t digest(const player *f)
 {
     const int32_t from[3] = { 3 << 22, -(1 << 23), 77 };
     saga_report r;
@@ -165,7 +147,7 @@ static uint32_t digest(const film *f)
 /* Decoding that is stopped at the at-th call of the watch must leave no segment
  * and must not call the watch again. When the segment is decoded again, it must
  * be the same as before. */
-static void stop_decoding(film *f, uint32_t at, uint32_t expected)
+static void stop_decoding(player *f, uint32_t at, uint32_t expected)
 {
     patience p = { at, 0 };
     const saga_watch watch = { ask, &p };
@@ -179,7 +161,7 @@ static void stop_decoding(film *f, uint32_t at, uint32_t expected)
     assert_int_equal(digest(f), expected);
 }
 
-static void stop_opening(film *f, uint32_t at, uint32_t expected)
+static void stop_opening(player *f, uint32_t at, uint32_t expected)
 {
     patience p = { at, 0 };
     const saga_watch watch = { ask, &p };
@@ -201,7 +183,7 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
     patience opened = { 0, 0 }, decoded = { 0, 0 };
     const saga_watch opening = { ask, &opened }, decoding = { ask, &decoded };
     uint32_t expected;
-    FREED_BY(unload) film f;
+    FREED_BY(player_close) player f;
 
     load(&f, g);
     assert_ok(open_film(&f, &opening));
@@ -255,7 +237,7 @@ TEST(opening_should_stop_within_the_base)
     patience p = { 0, 0 };
     const saga_watch watch = { ask, &p };
     FREED_BY(gen_stream_free) gen_stream g;
-    FREED_BY(unload) film f;
+    FREED_BY(player_close) player f;
 
     gen_slow_make(&g, 1, GEN_SLOW_NARROW, 8);
     g.header.model.tools |= SAGA_TOOL_BASE;
@@ -284,7 +266,7 @@ TEST(deadline_should_be_kept)
             double deadline, late;
             const saga_watch watch = { is_late, &deadline };
             FREED_BY(gen_stream_free) gen_stream g;
-            FREED_BY(unload) film f;
+            FREED_BY(player_close) player f;
 
             gen_slow_make(&g, level, kind, level == 2 ? 1 : 8);
             load(&f, &g);
@@ -302,14 +284,14 @@ TEST(deadline_should_be_kept)
 
 enum { SIDE = 256 };
 
-static saga_status draw(const film *f, const saga_camera *c)
+static saga_status draw(const player *f, const saga_camera *c)
 {
     uint32_t crc;
 
     return player_draw(&crc, f->dec, c);
 }
 
-static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
+static void see_wall(player *f, saga_camera *c, int level, uint32_t n)
 {
     uint32_t number;
     FREED_BY(gen_stream_free) gen_stream g;
@@ -330,7 +312,7 @@ TEST(view_should_cost_what_the_level_allows)
         const uint32_t most = SAGA_COVER_MAX(level);
         saga_camera c;
         saga_report r;
-        film f;
+        player f;
 
         see_wall(&f, &c, level, most);
         assert_ok(saga_tell(&r, f.dec));
@@ -339,14 +321,14 @@ TEST(view_should_cost_what_the_level_allows)
         assert_ok(saga_tell(&r, f.dec));
         assert_int_equal(r.n_splats, most);
         assert_int_equal(r.box_pixels, (uint64_t)most * SIDE * SIDE);
-        unload(&f);
+        player_close(&f);
         see_wall(&f, &c, level, most + 1);
         assert_int_equal(saga_view(f.dec, &c, 0), SAGA_ERR_LEVEL);
         assert_ok(saga_tell(&r, f.dec));
         assert_int_equal(r.n_splats, 0);
         assert_int_equal(r.box_pixels, (most + 1ull) * SIDE * SIDE);
         assert_int_equal(draw(&f, &c), SAGA_ERR_STATE);
-        unload(&f);
+        player_close(&f);
     }
 }
 
@@ -356,7 +338,7 @@ TEST(refused_view_should_leave_none)
 {
     saga_camera c;
     saga_report r;
-    FREED_BY(unload) film f;
+    FREED_BY(player_close) player f;
 
     see_wall(&f, &c, 0, SAGA_COVER_MAX(0) + 1);
     c.height--;

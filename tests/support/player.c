@@ -7,15 +7,21 @@
 #include "testing.h"
 #include "vectors.h"
 
-void player_open(player *p, const gen_stream *g)
+void player_load(player *p, const gen_stream *g)
 {
     gen_stream copy = *g;
-    uint32_t number;
 
     memset(p, 0, sizeof *p);
     gen_stream_encode(&copy, &p->bytes, &p->n);
     assert_ok(saga_probe(&p->info, p->bytes, p->n));
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+}
+
+void player_open(player *p, const gen_stream *g)
+{
+    uint32_t number;
+
+    player_load(p, g);
     assert_ok(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
                         p->info.head_nbytes, NULL));
     assert_ok(saga_rig(&p->camera, &number, p->bytes, p->n, 0));

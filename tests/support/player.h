@@ -20,6 +20,8 @@ typedef struct player {
                          * of the rig */
 } player;
 
+/* Encodes a stream, without opening the file. */
+void player_load(player *p, const gen_stream *g);
 /* Encodes a stream and opens the file. */
 void player_open(player *p, const gen_stream *g);
 /* Makes a stream, encodes it and opens the file. */
