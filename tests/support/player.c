@@ -81,6 +81,29 @@ saga_status player_draw(uint32_t *crc, const saga_decoder *dec,
     return s;
 }
 
+void player_check_chunk(saga_status (*find)(const uint8_t *bytes, size_t n),
+                        uint8_t *bytes, size_t n, const size_t chunk[2],
+                        size_t more)
+{
+    for (size_t k = 0; k < chunk[1] + more; k++) {
+        FREED uint8_t *const exact = must(malloc(k ? k : 1));
+
+        memcpy(exact, bytes, k);
+        assert_int_equal(find(exact, k), SAGA_ERR_TRUNCATED);
+    }
+    for (size_t i = 8 * chunk[0]; i < 8 * chunk[1]; i++) {
+        const size_t at = i / 8 - chunk[0];
+        saga_status s;
+
+        bytes[i / 8] ^= (uint8_t)(1u << i % 8);
+        s = find(bytes, n);
+        /* A changed length may also run past the end. */
+        assert_true(s == (at < 4 ? SAGA_ERR_ARG : SAGA_ERR_DATA) ||
+                    (s == SAGA_ERR_TRUNCATED && at >= 4 && at < 8));
+        bytes[i / 8] ^= (uint8_t)(1u << i % 8);
+    }
+}
+
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t)
 {
     saga_animated a;

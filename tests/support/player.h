@@ -38,6 +38,13 @@ void player_view(player *p, uint32_t camera, int32_t t);
 saga_status player_draw(uint32_t *crc, const saga_decoder *dec,
                         const saga_camera *c);
 
+/* Checks a call that finds a chunk of the head, at bytes[begin..end): with
+ * fewer than end + more bytes, in memory of exact size, it returns TRUNCATED,
+ * and each changed bit of the chunk is refused. */
+void player_check_chunk(saga_status (*find)(const uint8_t *bytes, size_t n),
+                        uint8_t *bytes, size_t n, const size_t chunk[2],
+                        size_t more);
+
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t);
 saga_splat player_splat(const player *p, uint32_t order);
 
