@@ -32,8 +32,10 @@ import page  # noqa: E402
 if os.path.isdir(BUILD + "/gcc"):
     BUILD += "/gcc"
 os.environ["SAGA_LIBRARY"] = BUILD + "/libsaga.so.0"
+# With other flags make would build everything again.
 subprocess.run([os.environ.get("MAKE", "make"), "-s", "BUILD=" + BUILD,
-                "shared"], check=True)
+                "CC=gcc", *(["WERROR=-Werror"] if BUILD.endswith("/gcc")
+                            else []), "shared"], check=True)
 import saga  # noqa: E402
 
 OK, ARG, DATA, TRUNCATED, VERSION, LEVEL = 0, -1, -10, -11, -12, -13
