@@ -56,29 +56,3 @@ TEST(entries_should_be_those_of_the_page)
                          entry_of_page(&m, level, rank, o));
     }
 }
-
-/* In the middle of its anchor's support, a primitive has the entry of its
- * anchor's rank in every table. */
-TEST(middle_should_have_the_entry_of_the_rank)
-{
-    const saga_model m = { .hash_levels = 8, .hash_log2_entries = 6 };
-    const int16_t middle[4] = { 0, 0, 0, 0 };
-
-    for (uint32_t level = 0; level < 8; level++)
-        for (uint32_t rank = 0; rank < 200; rank++)
-            assert_int_equal(saga_hash_entry(&m, level, rank, middle),
-                             64 * level + rank % 64);
-}
-
-/* Halves go up: in table 0, the points of the grid are two supports apart. */
-TEST(places_between_two_points_should_belong_to_the_upper_one)
-{
-    const saga_model m = { .hash_levels = 1, .hash_log2_entries = 9 };
-    const int16_t upper[4] = { 16384, 0, 0, 0 };
-    const int16_t below[4] = { 16383, 0, 0, 0 };
-    const int16_t lower[4] = { -16384, 0, 0, 0 };
-
-    assert_int_equal(saga_hash_entry(&m, 0, 0, upper), 2654435761u % 512);
-    assert_int_equal(saga_hash_entry(&m, 0, 0, below), 0);
-    assert_int_equal(saga_hash_entry(&m, 0, 0, lower), 0);
-}

@@ -182,35 +182,6 @@ TEST(damage_should_show_in_the_head_alone)
 
 /* --- Versions ------------------------------------------------------------ */
 
-TEST(version_should_be_zero_in_no_file)
-{
-    static const struct {
-        uint8_t p[4];
-        saga_status s;
-    } all[] = { { { 1, 0, 0, 0 }, SAGA_OK },
-                { { 0, 0, 0, 0 }, SAGA_ERR_DATA },
-                { { 0, 0, 1, 0 }, SAGA_ERR_DATA },
-                { { 2, 0, 0, 0 }, SAGA_ERR_VERSION },
-                { { 0, 1, 0, 0 }, SAGA_ERR_VERSION },
-                { { 1, 1, 0, 0 }, SAGA_ERR_VERSION },
-                { { 255, 255, 0, 0 }, SAGA_ERR_VERSION },
-                { { 1, 0, 1, 0 }, SAGA_ERR_VERSION },
-                { { 1, 0, 0, 128 }, SAGA_ERR_VERSION } };
-    size_t n, head;
-    FREED uint8_t *const bytes = make(&streams[0], &n, &head);
-
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
-        memcpy(bytes + 4, all[i].p, 4);
-        gen_stream_sign_header(bytes);
-        assert_int_equal(status_of(PROBE, bytes, n), all[i].s);
-        check_lengths("a version", bytes, n, head);
-        for (size_t k = 4; k < 8; k++)
-            assert_int_equal(status_of(PROBE, bytes, k), SAGA_ERR_TRUNCATED);
-        if (all[i].s)
-            assert_int_equal(status_of(PROBE, bytes, 8), all[i].s);
-    }
-}
-
 /* Returns a file with an unknown tool of a future version. Its header has 8
  * bytes for this tool after those of the known tools, and a right CRC. */
 static uint8_t *with_tool(const uint8_t *bytes, size_t n, uint32_t tool)
@@ -256,17 +227,6 @@ TEST(tools_should_be_looked_at_before_the_size)
             }
         }
     }
-}
-
-/* A longer header is nothing by itself. */
-TEST(header_should_have_the_size_that_its_tools_say)
-{
-    size_t n, head;
-    FREED uint8_t *const bytes = make(&streams[0], &n, &head);
-    FREED uint8_t *const copy = with_tool(bytes, n, 0);
-
-    assert_int_equal(status_of(PROBE, copy, n + 8), SAGA_ERR_DATA);
-    assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES), SAGA_ERR_DATA);
 }
 
 /* --- Segments ------------------------------------------------------------ */
