@@ -152,38 +152,50 @@ static void transpose(double to[9], const double from[9])
             to[3 * i + k] = from[3 * k + i];
 }
 
-/* Changes a correct view into what a loader with OpenGL's axes gives for a file
- * whose author got the matrix wrong. `file` is the camera-to-world matrix in
- * the file. */
-static void spoil(saga_source_view *s, saga_pose_form form, bool opencv)
-{
-    double a[9], b[3], file[9], right[3], down[3], ahead[3];
+/* A file whose author got matrices wrong: the loader's convention, the form of
+ * the matrices, the axes of the cameras that are reversed in the file, whether
+ * its world is a mirror image, and what must be said of it. */
+typedef struct wrong_file {
+    saga_pose_convention poses;
+    saga_pose_form form;
+    int axes;
+    bool mirrored;
+    const char *what;
+} wrong_file;
 
-    /* Camera to world, in the axes that the author has. */
+/* Changes a correct view into what the loader gives for a wrong file. */
+static void spoil(saga_source_view *s, const wrong_file *w)
+{
+    const int opengl = w->poses == SAGA_POSES_OPENGL ? 6 : 0;
+    double a[9], b[3], file[9], t[3];
+
+    /* Camera to world, in the author's world and axes. */
     transpose(a, s->rotation);
     saga_pose_centre(s->rotation, s->translation, b);
-    for (int i = 0; i < 9 && !opencv; i++)
-        a[i] *= i % 3 ? -1 : 1;
+    for (int i = 0; i < 9; i++)
+        a[i] *= ((w->axes ^ opengl) >> i % 3 & 1) != (w->mirrored && i > 5) ? -1
+                                                                            : 1;
+    b[2] *= w->mirrored ? -1 : 1;
+    /* World to camera has t = -A^T b. */
+    for (int k = 0; k < 3; k++)
+        t[k] = -(a[k] * b[0] + a[3 + k] * b[1] + a[6 + k] * b[2]);
     memcpy(file, a, sizeof file);
-    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSPOSED)
+    if ((w->poses == SAGA_POSES_TO_CAMERA) !=
+        (w->form == SAGA_POSE_INVERSE || w->form == SAGA_POSE_TRANSPOSED))
         transpose(file, a);
-    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSLATION) {
-        /* The translation of world to camera, t = -A^T b, stands in place of
-         * the centre. */
-        double t[3];
-
-        for (int k = 0; k < 3; k++)
-            t[k] = -(a[k] * b[0] + a[3 + k] * b[1] + a[6 + k] * b[2]);
-        memcpy(b, t, sizeof t);
+    if ((w->poses == SAGA_POSES_TO_CAMERA) !=
+        (w->form == SAGA_POSE_INVERSE || w->form == SAGA_POSE_TRANSLATION))
+        memcpy(b, t, sizeof b);
+    /* The loader takes the file for what it should be. */
+    if (w->poses == SAGA_POSES_TO_CAMERA) {
+        memcpy(s->rotation, file, sizeof file);
+        memcpy(s->translation, b, sizeof b);
+        return;
     }
-    /* Like the loader, reverse y and z of OpenGL's camera axes. */
-    for (int i = 0; i < 3; i++) {
-        right[i] = file[3 * i];
-        down[i] = -file[3 * i + 1];
-        ahead[i] = -file[3 * i + 2];
-    }
-    assert_true(saga_pose_from_axes(right, down, ahead, b, s->rotation,
-                                    s->translation));
+    for (int i = 0; i < 9; i++)
+        s->rotation[3 * (i % 3) + i / 3] = (opengl >> i % 3 & 1 ? -1 : 1) *
+                                           file[i];
+    saga_pose_translation(s->rotation, b, s->translation);
 }
 
 static saga_source_view *copy_views(const saga_capture *c)
@@ -203,17 +215,16 @@ static saga_calibration find(const saga_capture *c, saga_source_view *views)
 
 /* When the mistake that was found is undone, the views must be those of the
  * room again. */
-static void expect_found(const saga_capture *c, saga_source_view *views)
+static void expect_undone(const saga_capture *c, const saga_calibration *cal,
+                          saga_source_view *views)
 {
-    FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
-
-    assert_true(cal.found);
+    assert_true(cal->found);
     for (int v = 0; v < c->n_views; v++) {
         saga_source_view *const s = &views[v];
         const saga_source_view *const own = &c->views[v];
         double lens[4] = { s->fx, s->fy, s->cx, s->cy };
 
-        saga_mistake_undo(&cal.mistake, s->rotation, s->translation, lens);
+        saga_mistake_undo(&cal->mistake, s->rotation, s->translation, lens);
         for (int i = 0; i < 9; i++)
             assert_true(fabs(s->rotation[i] - own->rotation[i]) < 1e-9);
         for (int i = 0; i < 3; i++)
@@ -241,21 +252,67 @@ TEST(room_should_fit_its_pictures)
     }
 }
 
+/* Surveys the room as a wrong file describes it, without points. The views are
+ * copies; the survey and the views must be freed. */
+static void survey_wrong(saga_survey *s, saga_capture *c, const wrong_file *w)
+{
+    c->views = copy_views(c);
+    c->poses = w->poses;
+    c->n_points = 0;
+    for (int v = 0; v < N_VIEWS; v++)
+        spoil(&c->views[v], w);
+    assert_done(saga_survey_make(s, c, &error));
+}
+
 TEST(wrong_matrices_should_be_named)
 {
-    const saga_capture *const c = *state;
+    enum { X = SAGA_AXIS_X, Y = SAGA_AXIS_Y, Z = SAGA_AXIS_Z };
+    static const char left[] =
+        "the world is a mirror image (left-handed axes). ";
+    static const wrong_file files[] = {
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, Y + Z, false,
+          ": camera axes are OpenCV's (y down, z forward). " },
+        { SAGA_POSES_OPENGL, SAGA_POSE_INVERSE, 0, false,
+          ": matrices are world to camera. " },
+        { SAGA_POSES_OPENGL, SAGA_POSE_TRANSPOSED, Y + Z, false,
+          ": rotations are transposed, and camera axes are OpenCV's" },
+        { SAGA_POSES_OPENGL, SAGA_POSE_TRANSLATION, 0, false,
+          ": translations are those of world to camera. " },
+        { SAGA_POSES_TO_CAMERA, SAGA_POSE_INVERSE, 0, false,
+          ": poses are camera to world. " },
+        { SAGA_POSES_TO_CAMERA, SAGA_POSE_TRANSPOSED, Y + Z, false,
+          ": rotations are transposed, and camera axes have y and z " },
+        { SAGA_POSES_TO_CAMERA, SAGA_POSE_TRANSLATION, 0, false,
+          ": translations are the positions of the cameras. " },
+        /* Determinant -1: an axis of the cameras or of the world is reversed.
+         * Determinant 1: two axes are, as by a left-handed program whose
+         * cameras look along z. */
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, X, false,
+          ": camera axes have x reversed. " },
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, 0, true, left },
+        { SAGA_POSES_OPENGL, SAGA_POSE_INVERSE, 0, true, left },
+        { SAGA_POSES_TO_CAMERA, SAGA_POSE_INVERSE, X, false,
+          ": poses are camera to world, and camera axes have x reversed. " },
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, Z, true,
+          ": camera axes have z reversed, and the world is a mirror image" },
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, X + Y, false,
+          ": camera axes have x and y reversed. " },
+    };
 
-    assert_true(c->opengl);
-    for (int form = 0; form < SAGA_POSE_FORMS; form++)
-        for (int opencv = 0; opencv < 2; opencv++) {
-            FREED saga_source_view *const views = copy_views(c);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        saga_capture c = *(saga_capture *)*state;
+        saga_survey s;
 
-            if (form == SAGA_POSE_RIGHT && !opencv)
-                opencv = 1;
-            for (int v = 0; v < N_VIEWS; v++)
-                spoil(&views[v], (saga_pose_form)form, opencv);
-            expect_found(c, views);
-        }
+        survey_wrong(&s, &c, &files[i]);
+        print_message("%zu: %s", i, s.notes);
+        assert_true(says(&s, files[i].what));
+        assert_true(says(&s, files[i].poses == SAGA_POSES_TO_CAMERA
+                                 ? ". Correct them in the "
+                                 : ". --fix FILE writes"));
+        expect_undone(*state, &s.calibration, c.views);
+        saga_survey_free(&s);
+        free(c.views);
+    }
 }
 
 TEST(wrong_lenses_should_be_named)
@@ -278,7 +335,8 @@ TEST(wrong_lenses_should_be_named)
             views[v].cx *= wrong[i].centre;
             views[v].cy *= wrong[i].centre;
         }
-        expect_found(c, views);
+        FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
+        expect_undone(c, &cal, views);
     }
 }
 
@@ -432,17 +490,8 @@ TEST(survey_should_say_so_in_words)
     saga_source_view *const right = c.views;
     saga_survey s;
 
-    /* The matrices are written as an author who uses OpenCV's axes might write
-     * them. */
     c.views = copy_views(&c);
     c.n_points = 0;
-    for (int v = 0; v < N_VIEWS; v++)
-        spoil(&c.views[v], SAGA_POSE_INVERSE, true);
-    assert_done(saga_survey_make(&s, &c, &error));
-    assert_true(says(&s, ": matrices are world to camera, and camera axes are "
-                         "OpenCV's (y down, z forward)"));
-    saga_survey_free(&s);
-
     /* Camera 3 has the pose of camera 4, and its picture is random grey
      * patches. */
     memcpy(c.views, right, N_VIEWS * sizeof *right);

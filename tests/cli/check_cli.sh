@@ -779,6 +779,24 @@ grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.js
 expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
 cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
+# So must poses whose world is a mirror image, which training refuses.
+python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, sys
+
+j = json.load(open(sys.argv[1] + "/fixed.json"))
+for f in j["frames"]:
+    f["transform_matrix"][0] = [-x for x in f["transform_matrix"][0]]
+json.dump(j, open(sys.argv[1] + "/left.json", "w"))
+PYTHON
+expect 0 check "$tmp/poses/left.json" --fix "$tmp/poses/right.json"
+grep -q 'the world is a mirror image' "$tmp/out" ||
+    complain "check: no word of a mirrored world"
+expect 0 check "$tmp/poses/right.json"
+if grep -q 'do not fit\|mirror' "$tmp/out"; then
+    complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
+fi
+told 1 'mirror images (determinant -1)' encode "$tmp/poses/left.json" \
+    -o "$tmp/left.saga"
 # Small errors must be found, too. All cameras shared one lens; each must get a
 # lens of its own.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'

@@ -188,17 +188,17 @@ static const saga_line text[] = {
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Loads a capture. If its cameras see nothing in common, it is loaded
- * nevertheless and *no_overlap is set, because the pictures may show the
- * reason. */
+/* Loads a capture. If its poses are mirror images, or its cameras see
+ * nothing in common, it is loaded nevertheless and *wrong_poses is set, because
+ * the pictures may show the reason. */
 static bool load(saga_capture *c, const char *name, const options *o,
-                 saga_error *no_overlap, saga_error *error)
+                 saga_error *wrong_poses, saga_error *error)
 {
     saga_meter meter = { .quiet = o->quiet };
     saga_capture_options with = saga_capture_chosen(&o->capture);
     bool ok;
 
-    with.no_overlap = no_overlap;
+    with.wrong_poses = wrong_poses;
     with.any_length = true;
     with.progress = saga_meter_progress;
     with.progress_user = &meter;
@@ -210,28 +210,28 @@ static bool load(saga_capture *c, const char *name, const options *o,
 static int check(const char *name, const options *o)
 {
     const saga_print_style how = { o->json, 10, name };
-    saga_error error = { "" }, no_overlap = { "" };
+    saga_error error = { "" }, wrong_poses = { "" };
     saga_survey survey = { .views = NULL };
     saga_capture c;
     int status = SAGA_EXIT_OK;
 
     /* If the capture exists, the fault is in its data, otherwise in the command
      * line. */
-    if (!load(&c, name, o, &no_overlap, &error))
+    if (!load(&c, name, o, &wrong_poses, &error))
         return saga_cli_error(saga_path_is_folder(name) ||
                                       saga_path_is_file(name)
                                   ? SAGA_EXIT_DATA
                                   : SAGA_EXIT_USAGE,
                               "check: %s", error.message);
-    /* A missing overlap is an error only if no mistake in the poses explains
-     * it. */
+    /* Wrong poses are an error only if no mistake that explains the pictures
+     * is found. */
     if (!saga_survey_make(&survey, &c, &error) ||
         (o->html && !saga_check_page(o->html, name, &survey, &c, &error)) ||
         (o->fix && !saga_check_fix(o->fix, name, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
-    else if (saga_failed(&no_overlap) && !survey.calibration.found)
+    else if (saga_failed(&wrong_poses) && !survey.calibration.found)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
-                                no_overlap.message);
+                                wrong_poses.message);
     else
         status = saga_cli_print_report(report_of(&survey, &c, name), &how,
                                        SAGA_LINES(text));

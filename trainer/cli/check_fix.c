@@ -302,6 +302,11 @@ bool saga_check_fix(const char *path, const char *name,
         /* The lens that all cameras share, then the lens and the pose of each
          * entry. */
         saga_json_watch();
+        if (fit->found && m->mirrored &&
+            json_object_del(root, "ply_file_path") == 0)
+            fputs("check: the points are left out, because they lie in the "
+                  "mirrored world\n",
+                  stderr);
         if (!fit->found) {
             refine_entries(root, &fit->refinement, capture);
         } else {

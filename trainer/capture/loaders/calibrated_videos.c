@@ -595,6 +595,7 @@ static bool list(saga_listing *listing, const char *folder,
 {
     calibration c = { .listing = listing, .error = error };
     bool beside = false;
+    listing->poses = SAGA_POSES_TO_CAMERA;
     const bool ok = find_calibration(&c, folder, &beside) &&
                     find_videos(&c, folder) && check_files(&c, folder) &&
                     read_cameras(&c) && give_videos(&c, folder);

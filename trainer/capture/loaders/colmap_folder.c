@@ -336,6 +336,7 @@ bool saga_colmap_list(saga_listing *listing, const char *folder,
 {
     char *model = NULL;
     folder_reader r = { .listing = listing, .error = error };
+    listing->poses = SAGA_POSES_TO_CAMERA;
     bool ok = saga_colmap_find(&model, model_folder, error);
     r.model_folder = model ? model : folder;
     r.root = picture_root(folder, error);

@@ -53,9 +53,9 @@ typedef struct saga_listing {
     int n_sources, n_frames; /* number of frames of the whole capture */
     bool moves;              /* one camera moves, with a source for each
                               * picture */
-    bool opengl;             /* poses had OpenGL's axes in the file */
-    double fps;              /* 0: unknown */
-    double metres;           /* metres per unit of length; 0: unknown */
+    saga_pose_convention poses;
+    double fps;    /* 0: unknown */
+    double metres; /* metres per unit of length; 0: unknown */
     saga_point *points;
     size_t n_points;
     char *missing; /* path of the first picture that is missing, or

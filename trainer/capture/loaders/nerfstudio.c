@@ -317,7 +317,7 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           .folder = folder_of(json_path, error) };
     /* The main file is read last, so that r.root is its top when fps, lists and
      * points are looked up. */
-    listing->opengl = true;
+    listing->poses = SAGA_POSES_OPENGL;
     const bool ok = r.folder && (!test_path || read_json(&r, 1, test_path)) &&
                     read_json(&r, 0, json_path) &&
                     saga_transforms_check_kinds(&r) && read_all(&r, options);

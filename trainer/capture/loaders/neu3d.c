@@ -226,6 +226,7 @@ static bool adopt_cameras(saga_listing *listing, const saga_colmap *model,
                           const int *image_of, const char *folder,
                           saga_error *error)
 {
+    listing->poses = SAGA_POSES_TO_CAMERA;
     for (int i = 0; i < listing->n_sources; i++)
         if (!saga_colmap_adopt(&listing->sources[i], model,
                                &model->images[image_of[i]], folder, error))

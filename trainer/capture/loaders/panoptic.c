@@ -313,6 +313,7 @@ static bool list(saga_listing *listing, const char *folder,
                  const saga_capture_options *options, saga_error *error)
 {
     sports_reader r = { .listing = listing, .folder = folder, .error = error };
+    listing->poses = SAGA_POSES_TO_CAMERA;
     bool ok = read_meta(&r, "train_meta.json", false) &&
               (!saga_folder_has(folder, "test_meta.json") ||
                read_meta(&r, "test_meta.json", true)) &&

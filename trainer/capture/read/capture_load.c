@@ -200,8 +200,9 @@ static bool fill_capture(saga_load_job *job)
     note_decisions(job);
     /* Poses are checked before pictures are decoded, because that is much
      * cheaper. */
-    saga_error *const told = job->options->no_overlap;
-    return (saga_check_overlap(c, listing->path, told ? told : job->error) ||
+    saga_error *const told = job->options->wrong_poses;
+    return ((told && saga_failed(told)) ||
+            saga_check_overlap(c, listing->path, told ? told : job->error) ||
             told) &&
            saga_load_pictures(job);
 }
@@ -270,7 +271,7 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
      * choose from. */
     if (!saga_listing_late(listing, options->late, error))
         return false;
-    capture->opengl = listing->opengl;
+    capture->poses = listing->poses;
     capture->format = listing->format;
     capture->moves = listing->moves;
     capture->scale = options->scale;
@@ -356,7 +357,7 @@ static bool list_and_carry_out(saga_capture *capture, const char *path,
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
-                    saga_check_hands(&listing, error) &&
+                    saga_check_hands(&listing, options->wrong_poses, error) &&
                     carry_out(capture, &listing, options, pictures, error);
     saga_listing_free(&listing);
     return ok;

@@ -53,7 +53,8 @@ static size_t count_shared(const saga_capture *capture, double flip)
     return n_shared;
 }
 
-bool saga_check_hands(const saga_listing *listing, saga_error *error)
+bool saga_check_hands(const saga_listing *listing, saga_error *told,
+                      saga_error *error)
 {
     const saga_source *odd = NULL;
     int n = 0;
@@ -62,17 +63,20 @@ bool saga_check_hands(const saga_listing *listing, saga_error *error)
             odd = odd ? odd : &listing->sources[v];
             n++;
         }
-    return n == 0 ||
-           saga_fail(
-               error, listing->path,
-               n < listing->n_sources
-                   ? "export all poses again, with right-handed axes"
-                   : "a left-handed program wrote them: export them with "
-                     "right-handed axes, or reverse one axis of the world "
-                     "in all matrices, or one axis of the cameras",
-               "the poses of %d of %d cameras, among them %s, are "
-               "mirror images (determinant -1)",
-               n, listing->n_sources, odd->name);
+    if (n == 0)
+        return true;
+    /* Of a mixture no single correction is right. */
+    const bool mixed = n < listing->n_sources;
+    saga_fail(mixed || !told ? error : told, listing->path,
+              mixed ? "export all poses again, with right-handed axes"
+                    : "a left-handed program wrote them: export them with "
+                      "right-handed axes; `saga check` finds by the pictures "
+                      "which axis is reversed, and --fix corrects a "
+                      "transforms.json",
+              "the poses of %d of %d cameras, among them %s, are mirror "
+              "images (determinant -1)",
+              n, listing->n_sources, odd->name);
+    return !mixed && told;
 }
 
 static bool overlap_by_points(saga_capture *capture, const char *path,

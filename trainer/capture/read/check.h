@@ -10,8 +10,10 @@
 #include "load.h"
 
 /* Returns false with an error if poses are mirror images, as a program with
- * left-handed axes writes them. */
-bool saga_check_hands(const saga_listing *listing, saga_error *error);
+ * left-handed axes writes them. If all are, and `told` is not NULL, it receives
+ * the error, and true is returned. */
+bool saga_check_hands(const saga_listing *listing, saga_error *told,
+                      saga_error *error);
 
 /* Returns false with an error if no two views overlap, judged by the points or,
  * with fewer than 8 points, by the frusta. Views that see hardly any point are

@@ -34,12 +34,17 @@ enum {
 /* A view whose error is at most this many times the tolerance of a fit is not
  * called odd if bundle adjustment was tried and did not help (see pardon). */
 #define FAR_OFF 2.0
+/* Axes that are rarely reversed must reduce the errors to this part: if all
+ * cameras stand upright at one height, their y reversed fits exactly as well as
+ * a mirrored world. */
+#define GAIN 0.99
 /* A pair fits only if this fraction of its matches lies in front of both
  * cameras. */
 #define IN_FRONT 0.5
 
 typedef struct search {
     const saga_capture *c;
+    bool left_handed; /* the poses are mirror images */
     saga_pairs pairs;
     saga_tracks tracks;
     double *scratch; /* (SAGA_FEATURES_MOST + 2 x number of pairs) */
@@ -48,14 +53,11 @@ typedef struct search {
 
 /* ----------------------------------------------------------------- mistakes */
 
-/* Negates two axes of the camera, which are columns 1 and 2 of camera to
- * world. */
-static void reverse_axes(double a[9])
+/* Negates axes of the camera, which are the columns of camera to world. */
+static void reverse_axes(double a[9], int axes)
 {
-    for (int i = 0; i < 3; i++) {
-        a[3 * i + 1] = -a[3 * i + 1];
-        a[3 * i + 2] = -a[3 * i + 2];
-    }
+    for (int i = 0; i < 9; i++)
+        a[i] = axes >> i % 3 & 1 ? -a[i] : a[i];
 }
 
 static void transpose(double a[9])
@@ -71,25 +73,38 @@ static void transpose(double a[9])
 void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
                        double translation[3], double lens[4])
 {
-    /* A and b are the camera-to-world rotation and centre, as in the file. */
+    const saga_pose_form form = mistake->form;
+    const bool to_camera = mistake->poses == SAGA_POSES_TO_CAMERA;
+    /* A and b are the rotation and the translation as in the file. */
     double a[9], b[3], x[3];
     memcpy(a, rotation, sizeof a);
-    transpose(a);
-    saga_pose_centre(rotation, translation, b);
-    if (mistake->before)
-        reverse_axes(a);
-    if (mistake->form == SAGA_POSE_INVERSE ||
-        mistake->form == SAGA_POSE_TRANSPOSED)
+    memcpy(b, translation, sizeof b);
+    if (!to_camera) {
         transpose(a);
-    /* If b is the t of world to camera, the centre is -A t. */
-    if (mistake->form == SAGA_POSE_INVERSE ||
-        mistake->form == SAGA_POSE_TRANSLATION) {
+        saga_pose_centre(rotation, translation, b);
+    }
+    if (form != SAGA_POSE_RIGHT && mistake->poses == SAGA_POSES_OPENGL)
+        reverse_axes(a, SAGA_AXIS_Y + SAGA_AXIS_Z);
+    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSPOSED)
+        transpose(a);
+    /* If b is the t of the other direction, that of this one is -A t. */
+    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSLATION) {
         saga_pose_translation(a, b, x);
         memcpy(b, x, sizeof b);
     }
-    if (mistake->after)
-        reverse_axes(a);
+    /* From here on, A and b are those of camera to world. */
+    if (to_camera) {
+        saga_pose_centre(a, b, x);
+        memcpy(b, x, sizeof b);
+        transpose(a);
+    }
+    reverse_axes(a, mistake->reversed);
     transpose(a);
+    /* The third coordinate of a mirrored world changes its sign. */
+    if (mistake->mirrored) {
+        reverse_axes(a, SAGA_AXIS_Z);
+        b[2] = -b[2];
+    }
     memcpy(rotation, a, sizeof a);
     saga_pose_translation(a, b, translation);
     for (int k = 0; k < 2; k++) {
@@ -165,12 +180,18 @@ static score score_of(const search *s, const saga_pinhole *cameras, double *off)
     return found;
 }
 
+/* Tells whether the errors of a are below `part` of those of b. */
+static bool is_nearer(const score *a, const score *b, double part)
+{
+    return isinf(a->carried) && isinf(b->carried)
+               ? a->typical < part * b->typical
+               : a->carried < part * b->carried;
+}
+
 static bool is_better(const score *a, const score *b)
 {
-    const bool nearer = isinf(a->carried) && isinf(b->carried)
-                            ? a->typical < b->typical
-                            : a->carried < b->carried;
-    return a->n_fit > b->n_fit || (a->n_fit == b->n_fit && nearer);
+    return a->n_fit > b->n_fit ||
+           (a->n_fit == b->n_fit && is_nearer(a, b, 1.0));
 }
 
 typedef struct best {
@@ -251,21 +272,45 @@ static void try_swaps(best *to, const search *s, saga_pinhole *cameras)
         }
 }
 
-/* Tries the forms of poses. Whether the loader reversed axes before it read the
- * matrix as camera to world is known. It is not searched for, because a world
- * turned as a whole would fit as well. */
+/* Tells whether cameras often have these axes reversed: none, or y and z, by
+ * which OpenCV's and OpenGL's differ. */
+static bool is_usual(int axes)
+{
+    return axes == 0 || axes == SAGA_AXIS_Y + SAGA_AXIS_Z;
+}
+
+/* Tries one form of poses with axes of the cameras reversed. Whether the loader
+ * reversed axes before it read the matrix as camera to world is known. It is
+ * not searched for, because a world turned as a whole would fit as well. */
+static void try_form(best *to, const search *s, saga_pose_form form, int axes,
+                     saga_pinhole *cameras)
+{
+    const bool odd = (axes ^ axes >> 1 ^ axes >> 2) & 1;
+    const saga_mistake m = { .poses = s->c->poses,
+                             .form = form,
+                             .reversed = axes,
+                             /* Whatever is undone leads to a rotation. */
+                             .mirrored = odd != s->left_handed,
+                             .focal = 1.0,
+                             .swapped = { -1, -1 } };
+    if (is_usual(axes)) {
+        try_lenses(to, s, m, cameras);
+        return;
+    }
+    best other = { .score = { .n_fit = -1 } };
+    try_mistake(&other, s, &m, cameras);
+    if (is_better(&other.score, &to->score) &&
+        is_nearer(&other.score, &to->score, GAIN))
+        *to = other;
+}
+
 static void try_forms(best *to, const search *s, saga_pinhole *cameras)
 {
-    for (int form = 0; form < SAGA_POSE_FORMS; form++)
-        for (int after = 0; after < 2; after++)
-            try_lenses(to, s,
-                       (saga_mistake){ .form = (saga_pose_form)form,
-                                       .after = after,
-                                       .focal = 1.0,
-                                       .before = form != SAGA_POSE_RIGHT &&
-                                                 s->c->opengl,
-                                       .swapped = { -1, -1 } },
-                       cameras);
+    for (int usual = 1; usual >= 0; usual--)
+        for (int form = 0; form < SAGA_POSE_FORMS; form++)
+            for (int axes = 0; axes < SAGA_AXES; axes++)
+                if (is_usual(axes) == usual)
+                    try_form(to, s, (saga_pose_form)form, axes, cameras);
 }
 
 /* ------------------------------------------------------------------ verdict */
@@ -338,7 +383,12 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     off_pairs(off, s, cameras);
     for (int v = 0; v < n_views; v++)
         cal->off[v] = saga_median(s->scratch, gather(cal, s, v, off));
-    best found = { .score = score_of(s, cameras,
+    /* A mirrored world fits as it is. */
+    best found = { .mistake = { .poses = s->c->poses,
+                                .mirrored = s->left_handed,
+                                .focal = 1.0,
+                                .swapped = { -1, -1 } },
+                   .score = score_of(s, cameras,
                                      s->scratch + SAGA_FEATURES_MOST) };
     cal->n_pairs = n_pairs;
     cal->n_fit = found.score.n_fit;
@@ -348,10 +398,12 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     const score now = found.score;
     /* Simpler changes are tried first, since a later one must score better to
      * replace them. */
-    if (n_views <= SAGA_ALL_PAIRS)
+    if (n_views <= SAGA_ALL_PAIRS && !s->left_handed)
         try_swaps(&found, s, cameras);
     try_forms(&found, s, cameras);
-    cal->found = explains(&found, &now, n_pairs);
+    /* Mirror images are certainly wrong, even if they fit. */
+    cal->found = s->left_handed ? found.score.n_fit >= MOST_FIT * n_pairs
+                                : explains(&found, &now, n_pairs);
     cal->mistake = found.mistake;
     cal->n_fit_then = found.score.n_fit;
     cal->bad = now.n_fit < MOST_FIT * n_pairs;
@@ -452,9 +504,11 @@ bool saga_calibration_find(saga_calibration *calibration,
                                              "the views", error);
     bool ok = reserve(calibration, n_views, error) && cameras &&
               compare(calibration, &s, error);
+    s.left_handed = n_views > 0 &&
+                    saga_pose_is_mirrored(capture->views[0].rotation);
     if (ok)
         judge(calibration, &s, cameras);
-    if (ok && !calibration->found)
+    if (ok && !calibration->found && !s.left_handed)
         ok = saga_refine(&calibration->refinement, &s.pairs, &s.tracks, error);
     if (ok && !calibration->found)
         pardon(calibration, capture->n_views);

@@ -18,24 +18,28 @@
 #include "match_colours.h"
 #include "refine.h"
 
-/* The form of the matrices in a file, whose rotation A and centre b should be
- * those of camera to world. */
+/* The form of the matrices (A, b) in a file, which should be those of its
+ * convention: camera to world, or world to camera. */
 typedef enum saga_pose_form {
     SAGA_POSE_RIGHT,
-    SAGA_POSE_INVERSE,     /* A and b are those of world to camera */
-    SAGA_POSE_TRANSPOSED,  /* A is that of world to camera; b is right */
-    SAGA_POSE_TRANSLATION, /* A is right; b is the translation of world to
-                            * camera */
+    SAGA_POSE_INVERSE,     /* A and b are those of the other direction */
+    SAGA_POSE_TRANSPOSED,  /* A is that of the other direction; b is right */
+    SAGA_POSE_TRANSLATION, /* A is right; b is that of the other direction */
     SAGA_POSE_FORMS
 } saga_pose_form;
 
+/* Camera axes, to be added. */
+enum { SAGA_AXIS_X = 1, SAGA_AXIS_Y = 2, SAGA_AXIS_Z = 4, SAGA_AXES = 8 };
+
 /* A mistake that all cameras share. */
 typedef struct saga_mistake {
-    bool before, after; /* y and z of the camera axes are reversed,
-                         * before or after the form was applied, as if
-                         * OpenCV's axes were taken for OpenGL's or the
-                         * other way round */
-    saga_pose_form form;
+    saga_pose_convention poses; /* the file's convention, */
+    saga_pose_form form;        /* its matrices' form, */
+    int reversed;               /* and which axes of the cameras are reversed
+                                 * once the form is right, as if OpenCV's axes
+                                 * were taken for OpenGL's: y + z */
+    bool mirrored;  /* the world is a mirror image, as if its z axis was
+                     * reversed; any other axis would fit as well */
     double focal;   /* factor by which focal lengths must be
                      * multiplied; 1: they are right */
     bool centre;    /* principal points must be multiplied, too */

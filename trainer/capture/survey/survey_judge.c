@@ -2,10 +2,12 @@
 #include "survey_judge.h"
 
 #include "notes.h"
+#include "pose.h"
 #include "vec3.h"
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 enum {
     FEW_FEATURES = 50 /* with fewer features in a picture, few matches are
@@ -83,47 +85,90 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
                             "of depth. A COLMAP model or ply_file_path helps.");
 }
 
-/* Describes the mistake that, once undone, makes the pictures fit. */
-static void judge_mistake(saga_survey *s, const saga_capture *c)
+/* Returns how cameras can be corrected. */
+static const char *remedy_of(const saga_capture *c)
 {
-    static const char *const forms[SAGA_POSE_FORMS] = {
+    return c->poses == SAGA_POSES_OPENGL
+               ? "--fix FILE writes the corrected cameras."
+               : "Correct them in the program that wrote them.";
+}
+
+/* Adds a part of a list to a text. */
+static void add_part(char *text, size_t nbytes, const char *part)
+{
+    const size_t n = strlen(text);
+    if (part[0])
+        (void)snprintf(text + n, nbytes - n, "%s%s", n ? ", and " : "", part);
+}
+
+/* Describes a mistake in the poses that all cameras share. */
+static void describe_poses(char *text, size_t nbytes, const saga_mistake *m)
+{
+    static const char *const to_world[SAGA_POSE_FORMS] = {
         "", "matrices are world to camera", "rotations are transposed",
         "translations are those of world to camera"
     };
+    static const char *const to_camera[SAGA_POSE_FORMS] = {
+        "", "poses are camera to world", "rotations are transposed",
+        "translations are the positions of the cameras"
+    };
+    static const char *const reversed[SAGA_AXES] = {
+        "",
+        "camera axes have x reversed",
+        "camera axes have y reversed",
+        "camera axes have x and y reversed",
+        "camera axes have z reversed",
+        "camera axes have x and z reversed",
+        "camera axes have y and z reversed",
+        "camera axes have x, y and z reversed"
+    };
+    const bool opengl = m->poses == SAGA_POSES_OPENGL;
+    const int between = SAGA_AXIS_Y + SAGA_AXIS_Z;
+    /* The form of a file with OpenGL's axes is undone in these axes, so that
+     * OpenCV's must follow; if not, the file's axes are really OpenCV's. */
+    const int axes = m->form == SAGA_POSE_RIGHT || !opengl
+                         ? m->reversed
+                         : m->reversed ^ between;
+    add_part(
+        text, nbytes,
+        (m->poses == SAGA_POSES_TO_CAMERA ? to_camera : to_world)[m->form]);
+    add_part(text, nbytes,
+             opengl && axes == between
+                 ? "camera axes are OpenCV's (y down, z forward)"
+                 : reversed[axes]);
+    add_part(text, nbytes,
+             m->mirrored ? "the world is a mirror image (left-handed axes)"
+                         : "");
+}
+
+/* Describes the mistake that, once undone, makes the pictures fit. */
+static void judge_mistake(saga_survey *s, const saga_capture *c)
+{
     const saga_calibration *const fit = &s->calibration;
     const saga_mistake *const m = &fit->mistake;
-    char what[200] = "", lens[100] = "";
-    /* In a file with OpenGL's axes, undoing no reversal means that the file's
-     * axes are really OpenCV's. */
-    const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl ? m->after
-                                                                   : !m->after;
+    char what[240] = "", lens[100] = "";
     if (m->swapped[0] >= 0)
-        (void)snprintf(what, sizeof what,
-                       "the pictures of %.60s and %.60s are "
-                       "exchanged",
-                       c->views[m->swapped[0]].name,
-                       c->views[m->swapped[1]].name);
-    else
-        (void)snprintf(what, sizeof what, "%s%s%s", forms[m->form],
-                       m->form && odd_axes ? ", and " : "",
-                       !odd_axes ? ""
-                       : c->opengl
-                           ? "camera axes are OpenCV's (y down, z forward)"
-                           : "camera axes have y and z reversed");
-    if (m->focal != 1.0)
         (void)snprintf(
-            lens, sizeof lens, "%s%s %s by about %.2g", what[0] ? ", and " : "",
-            m->centre ? "focal lengths and centres, as of another size of "
-                        "picture,"
-                      : "focal lengths",
-            m->focal < 1.0 ? "are too long" : "are too short",
-            m->focal < 1.0 ? 1.0 / m->focal : m->focal);
+            what, sizeof what, "the pictures of %.60s and %.60s are exchanged",
+            c->views[m->swapped[0]].name, c->views[m->swapped[1]].name);
+    else
+        describe_poses(what, sizeof what, m);
+    if (m->focal != 1.0)
+        (void)snprintf(lens, sizeof lens, "%s %s by about %.2g",
+                       m->centre ? "focal lengths and centres, as of another "
+                                   "size of picture,"
+                                 : "focal lengths",
+                       m->focal < 1.0 ? "are too long" : "are too short",
+                       m->focal < 1.0 ? 1.0 / m->focal : m->focal);
+    add_part(what, sizeof what, lens);
+    /* The cameras of a mirrored world fit the pictures as they are. */
     saga_note(s->notes,
-              "The cameras do not fit the pictures: of %d pairs of "
-              "cameras with matches, %d fit. After the correction of one "
-              "mistake, %d fit: %s%s. --fix FILE writes the corrected "
-              "cameras.",
-              fit->n_pairs, fit->n_fit, fit->n_fit_then, what, lens);
+              "%s: of %d pairs of cameras with matches, %d fit. After the "
+              "correction of one mistake, %d fit: %s. %s",
+              saga_pose_is_mirrored(c->views[0].rotation)
+                  ? "The poses are mirror images"
+                  : "The cameras do not fit the pictures",
+              fit->n_pairs, fit->n_fit, fit->n_fit_then, what, remedy_of(c));
 }
 
 /* Notes whether poses and lenses fit the matches. */

@@ -66,9 +66,10 @@ typedef struct saga_capture_options {
     bool alpha_masks;       /* pixels of alpha below 128 do not count */
     bool follow_paths;      /* read files that the capture names outside its
                              * folder */
-    saga_error *no_overlap; /* receives the error if no two cameras share
-                             * anything in view, and the capture is loaded
-                             * anyway; NULL: loading fails */
+    saga_error *wrong_poses;    /* receives the error if all poses are mirror
+                                 * images, or if no views share anything,
+                                 * and the capture is loaded anyway;
+                                 * NULL: loading fails */
     saga_progress_fn *progress; /* may be NULL */
     void *progress_user;
 } saga_capture_options;
@@ -113,11 +114,18 @@ typedef struct saga_point {
     uint8_t rgb[3];
 } saga_point;
 
+/* What the matrices in a capture's file are. */
+typedef enum saga_pose_convention {
+    SAGA_POSES_TO_WORLD, /* camera to world, in OpenCV's axes */
+    SAGA_POSES_OPENGL,   /* camera to world, in OpenGL's: y up, z backwards */
+    SAGA_POSES_TO_CAMERA /* world to camera, in OpenCV's axes */
+} saga_pose_convention;
+
 typedef struct saga_capture {
     const char *format; /* static string, for reports */
     int n_views, n_frames;
-    bool moves;  /* one camera moves, and each view is one of its pictures */
-    bool opengl; /* the file uses OpenGL's axes: y up, z backwards */
+    bool moves; /* one camera moves, and each view is one of its pictures */
+    saga_pose_convention poses;
     int first_frame;       /* frame of the source that is frame 0 here */
     int n_learned;         /* number of training views, */
     double learned_pixels; /* the sum of their pixels in one frame, */

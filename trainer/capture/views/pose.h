@@ -20,7 +20,7 @@ void saga_pose_from_turn(const double turn[3], double rotation[9]);
  * camera-to-world matrix, with unit axes. Returns false if a value is not
  * finite, or if the axes are more than 1 % from orthonormal; smaller errors,
  * from few digits in a file, are corrected. Left-handed axes give a rotation
- * that is a mirror image, which capture_load refuses for all loaders. */
+ * that is a mirror image, which only saga check accepts. */
 bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
