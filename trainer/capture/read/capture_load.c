@@ -181,8 +181,9 @@ static void note_decisions(const saga_load_job *job)
     if (n_missing > 0 && !job->capture->moves)
         saga_note(notes,
                   "pictures: %d are missing and are skipped; they "
-                  "belong to %d cameras, most of them to %s (%d of %d)",
-                  n_missing, n_lacking, worst, n_most, job->capture->n_frames);
+                  "belong to %d camera%s, most of them to %s (%d of %d)",
+                  n_missing, n_lacking, n_lacking == 1 ? "" : "s", worst,
+                  n_most, job->capture->n_frames);
 }
 
 static bool fill_capture(saga_load_job *job)
