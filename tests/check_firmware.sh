@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# check_firmware.sh [BOARD...]: guarantees, for the firmware of ports/cortex-m
+# check_firmware.sh [small|all] [BOARD...]: guarantees, for the firmware of ports/cortex-m
 # on boards that QEMU emulates (mps2-an385, mps2-an386, mps3-an547, or those
 # named),
 #   size     code and constants take at most 50 KiB, the stack 4 KiB, and all
@@ -99,7 +99,15 @@ board() {
     fi
 }
 
-boards=${*:-mps2-an385 mps2-an386 mps3-an547}
+all='mps2-an385 mps2-an386 mps3-an547'
+case ${1:-} in
+small) # without the M4, between the two others
+    all='mps2-an385 mps3-an547'
+    shift
+    ;;
+all) shift ;;
+esac
+boards=${*:-$all}
 for b in $boards; do
     board "$b"
 done

@@ -22,6 +22,7 @@ run() { # run PROGRAM ARGUMENTS...
 
 run "$saga" synth cap --size 64x36 --cameras 4 --hold-out 1 --frames 4 \
     --points 300 --depth-every 0
+run "$saga" check cap
 run "$saga" encode cap -o x.saga --primitives 300 --iterations 300 --moving
 run "$saga" info x.saga
 run "$saga_dec" x.saga --camera rig:0 --time 1/2 -o x.ppm
