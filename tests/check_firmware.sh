@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# check_firmware.sh [small|all] [BOARD...]: guarantees, for the firmware of ports/cortex-m
-# on boards that QEMU emulates (mps2-an385, mps2-an386, mps3-an547, or those
-# named),
+# check_firmware.sh [small|all] [BOARD...]: guarantees, for the firmware of
+# ports/cortex-m on boards that QEMU emulates (mps2-an385, mps2-an386,
+# mps3-an547, or those named; `small` leaves the second out),
 #   size     code and constants take at most 50 KiB, the stack 4 KiB, and all
 #            RAM 256 KiB (otherwise linking fails)
 #   vectors  every level 0 stream gives the checksums of vectors/MANIFEST

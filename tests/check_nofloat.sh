@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_nofloat.sh [small|all] [NAME...]: guarantees that common/ and decoder/ use no
-# floating point:
+# check_nofloat.sh [small|all] [NAME...]: guarantees that common/ and decoder/
+# use no floating point:
 #   source   no float, double or floating constant is outside of comments
 #   objects  they compile with -mgeneral-regs-only on x86-64 and AArch64, and
 #            call no float routine there or on soft-float Arm

@@ -88,8 +88,14 @@ target() {
         : >"$tmp/failed"
         return
     fi
-    if ! "$make" -s -j"$(nproc)" BUILD="$build/$1" CC="$2" OPT="$3" \
-        CFLAGS="$4" lib >"$tmp/log" 2>&1; then
+    folder=$build/$1
+    werror=
+    if [ "$1" = x86_64-gcc ]; then # run_tests.sh builds the same objects
+        folder=${BUILD:-build}/gcc
+        werror=-Werror
+    fi
+    if ! "$make" -s -j"$(nproc)" BUILD="$folder" CC="$2" OPT="$3" \
+        CFLAGS="$4" WERROR="$werror" lib >"$tmp/log" 2>&1; then
         cat "$tmp/log"
         echo "FAIL symbols $1: does not build"
         : >"$tmp/failed"
@@ -104,7 +110,7 @@ target() {
         ;;
     esac
     set -- "$1" $(find common decoder -name '*.c' | sort |
-        sed "s|^\(.*\)\.c\$|$build/$1/obj/\1.o|")
+        sed "s|^\(.*\)\.c\$|$folder/obj/\1.o|")
     examine "$@" >"$tmp/bad"
     name=$1
     shift
