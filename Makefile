@@ -71,7 +71,7 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 # tests/check_tree.sh compares both.
 ROOMS := basics nn $(addprefix capture/,views files loaders read survey synth) \
          code splat rig scene entropy warm \
-         $(addprefix train/,plan fit pack run) measure exchange cli
+         $(addprefix train/,plan fit pack run) film measure exchange cli
 SEE_basics        :=
 SEE_nn            := basics
 SEE_capture/views := basics
@@ -90,9 +90,10 @@ SEE_train/plan    := basics capture/views code splat rig warm
 SEE_train/fit     := basics nn capture/views code splat rig scene entropy train/plan
 SEE_train/pack    := basics nn capture/views code splat rig scene entropy train/plan train/fit
 SEE_train/run     := basics nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
-SEE_measure       := basics capture/views capture/files capture/survey rig
-SEE_exchange      := basics capture/views capture/files code splat rig measure
-SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene warm train/plan train/pack train/run measure exchange
+SEE_film          := basics capture/views code rig
+SEE_measure       := basics capture/views capture/files capture/survey rig film
+SEE_exchange      := basics capture/views capture/files splat rig film
+SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene warm train/plan train/pack train/run film measure exchange
 
 # ---------------------------------------------------------------- sources
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Watching a file: cameras are converted from metres to integers and back,
- * pictures of the vectors are drawn through trainer/measure/view; the camera
+ * pictures of the vectors are drawn through trainer/film/view; the camera
  * path and the montage of pictures are tested, too.
  */
 #include "change.h"

@@ -568,7 +568,7 @@ static double steered_price(const fixture *f, const saga_train_options *o)
     saga_train *t = begin(f, &s, o);
 
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
-    lambda = t->lambda;
+    lambda = t->policy.lambda;
     saga_train_free(t);
     return lambda;
 }

@@ -209,7 +209,7 @@ static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
 
         ok = draw_look(&l, &psnr, s, frame);
         if (ok && median)
-            saga_verdict_add(&s->verdict, median,
+            saga_verdict_add(&s->result.verdict, median,
                              saga_capture_frame(&s->capture, view, frame),
                              l.filmed, saga_view_frame_nbytes(v) / 3);
         ok = ok && judge_frame(s, &l, psnr, frame, t);
@@ -245,7 +245,7 @@ static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
 static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
 {
     for (int k = 0; k + 1 < s->o->layers; k++) {
-        saga_encode_cut *const c = &s->cut[k];
+        saga_encode_cut *const c = &s->result.cut[k];
         const saga_splice_part part = { .name = s->o->output,
                                         .bytes = file->data,
                                         .nbytes = file->nbytes,
@@ -264,8 +264,8 @@ static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
 static void close_cuts(saga_encode_session *s)
 {
     for (int k = 0; k + 1 < s->o->layers; k++) {
-        saga_film_close(&s->cut[k].film);
-        saga_bytes_free(&s->cut[k].bytes);
+        saga_film_close(&s->result.cut[k].film);
+        saga_bytes_free(&s->result.cut[k].bytes);
     }
 }
 
@@ -289,7 +289,7 @@ static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
         bool ok = compare_view(s, film, segment, v, t);
 
         for (int k = 0; ok && k + 1 < s->o->layers; k++)
-            ok = compare_cut(s, &s->cut[k], segment, v);
+            ok = compare_cut(s, &s->result.cut[k], segment, v);
         if (!ok)
             return written_but(s);
     }
@@ -306,21 +306,22 @@ int saga_encode_check(saga_encode_session *s)
     if (!saga_read_file(&bytes, s->o->output, &s->error) ||
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
                         s->o->capture.threads, &s->error) ||
-        !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
-                          &s->error) ||
+        !saga_layout_read(&s->result.layout, s->o->output, bytes.data,
+                          bytes.nbytes, &s->error) ||
         !open_cuts(s, &bytes))
         status = written_but(s);
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
     for (int k = 0; k + 1 < s->o->layers; k++)
-        s->cut[k].quality = saga_quality_of(s->cut[k].sum, s->cut[k].n);
+        s->result.cut[k].quality = saga_quality_of(s->result.cut[k].sum,
+                                                   s->result.cut[k].n);
     close_cuts(s);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
-    s->decoded = saga_quality_of(t.sum, t.n);
+    s->result.decoded = saga_quality_of(t.sum, t.n);
     if (saga_encode_exposure(s) > 0)
-        s->evened = saga_quality_of(t.even, t.n);
-    s->agreement = saga_quality_of(t.agree, t.n_agree);
+        s->result.evened = saga_quality_of(t.even, t.n);
+    s->result.agreement = saga_quality_of(t.agree, t.n_agree);
     return status;
 }

@@ -48,10 +48,10 @@ static void free_session(saga_encode_session *s)
         saga_output_close(&s->out, false, &s->error);
     saga_train_free(s->train);
     saga_capture_free(&s->capture);
-    saga_layout_free(&s->layout);
+    saga_layout_free(&s->result.layout);
     free(s->checkpoint);
-    free(s->refined);
-    free(s->late);
+    free(s->poses.camera);
+    free(s->poses.late);
 }
 
 static int encode(saga_encode_session *s)
@@ -99,8 +99,8 @@ static int make_of_sweep(void *user, const char *file, const char *result,
 
     o.output = file;
     s.o = &o;
-    s.part = part;
-    s.started = saga_clock_seconds();
+    s.plan.part = part;
+    s.progress.started = saga_clock_seconds();
     status = make_film(&s);
     /* free_session() must not free the name: the file is removed once the
      * result is written. */
@@ -148,8 +148,8 @@ static int encode_command(int argc, char **argv)
 {
     saga_encode_options o = saga_encode_defaults();
     saga_encode_session s = { .o = &o,
-                              .signal = &stop_signal,
-                              .started = saga_clock_seconds() };
+                              .progress = { .signal = &stop_signal,
+                                            .started = saga_clock_seconds() } };
     int status = saga_cli_parse(&saga_command_encode, &o, &s.capture_name, argc,
                                 argv);
 
@@ -161,12 +161,12 @@ static int encode_command(int argc, char **argv)
     saga_cli_catch_signals(ask_to_stop);
     /* Everything that could make the command fail after hours is checked
      * first. */
-    status = saga_encode_check_options(&o, &s.preset, &s.ablation);
+    status = saga_encode_check_options(&o, &s.plan.preset, &s.plan.ablation);
     if (!status && (o.json || o.sweep))
         status = saga_cli_json_can_name("encode", s.capture_name);
     if (!status)
         status = o.sweep ? sweep(&s) : encode(&s);
-    if (!saga_encode_log_close(&s.log, &s.error))
+    if (!saga_encode_log_close(&s.progress.log, &s.error))
         status = saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s.error.message);
     free_session(&s);
     return status;

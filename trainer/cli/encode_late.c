@@ -25,17 +25,17 @@ static bool write_late(saga_encode_session *s, const saga_capture *c,
     const size_t most = (size_t)c->n_views * (SAGA_NAME_NBYTES + NUMBER_NBYTES);
     size_t n = 0;
 
-    s->late = saga_alloc(most + 1, 1, s->capture_name, &s->error);
-    if (!s->late)
+    s->poses.late = saga_alloc(most + 1, 1, s->capture_name, &s->error);
+    if (!s->poses.late)
         return false;
-    s->late[0] = '\0';
+    s->poses.late[0] = '\0';
     *n_unknown = 0;
     for (int v = 0; v < c->n_views; v++) {
         const saga_lateness *const late = &survey->views[v].late;
 
         *n_unknown += isnan(late->frames);
         if (fabs(late->frames) > late->tolerance)
-            n += (size_t)snprintf(s->late + n, most + 1 - n, "%s%s=%.3g",
+            n += (size_t)snprintf(s->poses.late + n, most + 1 - n, "%s%s=%.3g",
                                   n ? "," : "", c->views[v].name,
                                   saga_lateness_likely(late));
     }
@@ -45,11 +45,11 @@ static bool write_late(saga_encode_session *s, const saga_capture *c,
 static void tell(const saga_encode_session *s, const saga_capture *c,
                  int n_unknown)
 {
-    if (s->late[0])
+    if (s->poses.late[0])
         saga_cli_error(0,
                        "encode: by what moves, frames are paired as with "
                        "--late %s; give other commands the same option",
-                       s->late);
+                       s->poses.late);
     else
         saga_cli_error(0, "encode: by what moves, no camera is late");
     if (n_unknown)
@@ -59,8 +59,8 @@ static void tell(const saga_encode_session *s, const saga_capture *c,
                        n_unknown, c->n_views);
 }
 
-/* Measures the cameras and sets s->late. `unequal` has the error of videos with
- * unequal lengths; it is reported if a camera remains unknown. */
+/* Measures the cameras and sets s->poses.late. `unequal` has the error of
+ * videos with unequal lengths; it is reported if a camera remains unknown. */
 static int measure(saga_encode_session *s, saga_capture_options *with,
                    const saga_capture *look, const char *unequal)
 {
@@ -80,7 +80,7 @@ static int measure(saga_encode_session *s, saga_capture_options *with,
     ok = saga_capture_load(&c, s->capture_name, with, &s->error) &&
          saga_survey_make(&survey, &c, &s->error) &&
          write_late(s, &c, &survey, &n_unknown);
-    saga_meter_end(&s->meter);
+    saga_meter_end(&s->progress.meter);
     if (!ok)
         status = saga_encode_not_loaded(s);
     else if (unequal[0] && n_unknown)
@@ -100,7 +100,7 @@ int saga_encode_synchronise(saga_encode_session *s)
     saga_error unequal = { "" };
     saga_capture look;
 
-    s->meter = (saga_meter){ .quiet = s->o->quiet };
+    s->progress.meter = (saga_meter){ .quiet = s->o->quiet };
     if (late && !asked)
         return SAGA_EXIT_OK;
     with.late = NULL;

@@ -120,7 +120,7 @@ static saga_train_options train_options(saga_encode_session *s)
     t.n_primitives = (uint32_t)o->primitives;
     /* If lambda is given without a number of primitives, the warm-up chooses
      * the number that suits lambda. Files of a sweep have given numbers. */
-    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
+    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->plan.part > 0);
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
@@ -152,13 +152,13 @@ static int choose_scale(saga_encode_session *s)
     saga_capture_options c;
 
     if (!s->o->capture.scale)
-        s->scale = saga_plan_scale(&t, &s->whole, s->preset);
+        s->scale = saga_plan_scale(&t, &s->whole, s->plan.preset);
     if (s->scale < 2)
         return SAGA_EXIT_OK;
     saga_cli_error(0,
                    "encode: pictures are reduced to 1/%d of their size, to "
                    "fit the time of preset %s; --scale 1 keeps their size",
-                   s->scale, s->preset->name);
+                   s->scale, s->plan.preset->name);
     /* The capture is read again, with the scale at which its pictures will be
      * loaded. */
     c = saga_encode_capture_options(s);
@@ -248,23 +248,23 @@ static int find_stopped(saga_encode_session *s, saga_train_options *t)
 static uint32_t primitives_of(const saga_encode_session *s,
                               const saga_train_options *t)
 {
-    /* s->part is the fraction of the largest file's number. That number is
+    /* s->plan.part is the fraction of the largest file's number. That number is
      * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
     const double wanted = SAGA_SWEEP_STEP * t->n_primitives;
     const double most = fmin(
         wanted, saga_room_sure(t, (uint32_t)fmin(ceil(wanted), UINT32_MAX)));
 
-    return (uint32_t)fmax(1, rint(s->part * most));
+    return (uint32_t)fmax(1, rint(s->plan.part * most));
 }
 
 /* Chooses what the user left open. Values in a checkpoint are kept. */
 static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 {
-    saga_plan(t, &s->why, &s->capture, s->preset);
-    t->n_teachers = saga_plan_teachers(s->preset, &s->whole);
-    if (s->part > 0 && (s->o->primitives || !resume)) {
+    saga_plan(t, &s->plan.why, &s->capture, s->plan.preset);
+    t->n_teachers = saga_plan_teachers(s->plan.preset, &s->whole);
+    if (s->plan.part > 0 && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t);
-        snprintf(s->why.primitives, sizeof s->why.primitives,
+        snprintf(s->plan.why.primitives, sizeof s->plan.why.primitives,
                  "%u primitives in this file", t->n_primitives);
     }
 }
@@ -291,7 +291,7 @@ static int open_training(saga_encode_session *s)
                               "is too small for networks and header; ask for "
                               "%d or more",
                               t.n_bytes, LEAST_SIZE);
-    s->wanted = t.n_bytes;
+    s->plan.wanted = t.n_bytes;
     if (s->o->resume && !resume && !s->o->sweep)
         saga_cli_error(0,
                        "encode: there is no checkpoint %s: the training "
@@ -319,10 +319,10 @@ static int open_training(saga_encode_session *s)
 
 static int open_log(saga_encode_session *s)
 {
-    s->log_began = saga_clock_seconds();
+    s->progress.log_began = saga_clock_seconds();
     if (!s->o->log ||
-        saga_encode_log_open(&s->log, s->o->log, saga_train_iteration(s->train),
-                             &s->error))
+        saga_encode_log_open(&s->progress.log, s->o->log,
+                             saga_train_iteration(s->train), &s->error))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
@@ -330,10 +330,10 @@ static int open_log(saga_encode_session *s)
 /* Reports the reasons for values that the user did not give. */
 static void print_plan(const saga_encode_session *s)
 {
-    if (s->why.primitives[0])
-        saga_cli_error(0, "encode: %s", s->why.primitives);
-    if (s->why.iterations[0])
-        saga_cli_error(0, "encode: %s", s->why.iterations);
+    if (s->plan.why.primitives[0])
+        saga_cli_error(0, "encode: %s", s->plan.why.primitives);
+    if (s->plan.why.iterations[0])
+        saga_cli_error(0, "encode: %s", s->plan.why.iterations);
     if (s->o->minutes > 0)
         saga_cli_error(0, "encode: %g minutes: %d iterations", s->o->minutes,
                        saga_train_n_iterations(s->train));

@@ -33,12 +33,13 @@ static bool choose_first(saga_capture_options *to, saga_encode_session *s)
 static bool keep(saga_encode_session *s, const saga_capture *first,
                  const saga_refinement *found)
 {
-    s->refined = saga_alloc((size_t)first->n_views, sizeof *s->refined,
-                            s->capture_name, &s->error);
-    for (int v = 0; s->refined && v < first->n_views; v++) {
+    s->poses.camera = saga_alloc((size_t)first->n_views,
+                                 sizeof *s->poses.camera, s->capture_name,
+                                 &s->error);
+    for (int v = 0; s->poses.camera && v < first->n_views; v++) {
         const saga_pinhole was = saga_pinhole_of(&first->views[v]);
         const saga_pinhole *const now = &found->cameras[v];
-        saga_encode_camera *const to = &s->refined[v];
+        saga_encode_camera *const to = &s->poses.camera[v];
 
         memcpy(to->rotation, now->rotation, sizeof to->rotation);
         memcpy(to->translation, now->translation, sizeof to->translation);
@@ -47,20 +48,20 @@ static bool keep(saga_encode_session *s, const saga_capture *first,
             to->centre[k] = (now->lens[2 + k] - was.lens[2 + k]) / was.lens[k];
         }
     }
-    return s->refined != NULL;
+    return s->poses.camera != NULL;
 }
 
 static void tell(const saga_encode_session *s, const saga_calibration *fit)
 {
-    if (s->refined)
+    if (s->poses.camera)
         saga_cli_error(0,
                        "encode: poses and lenses are refined: the error of "
                        "matches that were not used for it falls from %.2f to "
                        "%.2f pixels; --no-refine leaves them as they are",
                        fit->refinement.before, fit->refinement.after);
     /* Refined cameras may still be wrong. */
-    if (s->refined ? fit->refinement.after > fit->within
-                   : fit->found || fit->bad)
+    if (s->poses.camera ? fit->refinement.after > fit->within
+                        : fit->found || fit->bad)
         saga_cli_error(0,
                        "encode: the cameras do not fit the pictures: of %d "
                        "pairs of cameras with matches, %d fit; `saga check` "
@@ -78,12 +79,12 @@ static bool refine(saga_encode_session *s)
               saga_capture_load(&first, s->capture_name, &from, &s->error) &&
               saga_survey_make(&survey, &first, &s->error);
 
-    saga_meter_end(&s->meter);
+    saga_meter_end(&s->progress.meter);
     if (ok)
         saga_encode_print_notes(survey.notes, survey.wrong_nbytes);
     if (ok && !s->o->no_refine && found->helps) {
-        s->fit_before = found->before;
-        s->fit_after = found->after;
+        s->poses.before = found->before;
+        s->poses.after = found->after;
         ok = keep(s, &first, found);
     }
     if (ok)
@@ -95,7 +96,7 @@ static bool refine(saga_encode_session *s)
 
 int saga_encode_refine(saga_encode_session *s)
 {
-    s->meter = (saga_meter){ .quiet = s->o->quiet };
+    s->progress.meter = (saga_meter){ .quiet = s->o->quiet };
     /* A single moving camera has no second picture of a moment. */
     return s->whole.moves || refine(s) ? SAGA_EXIT_OK
                                        : saga_encode_not_loaded(s);

@@ -48,15 +48,17 @@ static json_t *layers_of(const saga_encode_session *s)
     json_t *const list = json_array();
 
     for (int k = 0; k + 1 < s->o->layers; k++) {
-        json_t *const o = layer_of(s->cut[k].nbytes, &s->cut[k].quality);
+        json_t *const o = layer_of(s->result.cut[k].nbytes,
+                                   &s->result.cut[k].quality);
         char what[40];
 
         snprintf(what, sizeof what, "  cut after layer %d: %zu B", k + 1,
-                 s->cut[k].nbytes);
+                 s->result.cut[k].nbytes);
         saga_put_text(o, "/cut", what);
         saga_put_item(list, o);
     }
-    saga_put_item(list, layer_of(s->layout.file_nbytes, &s->decoded));
+    saga_put_item(list,
+                  layer_of(s->result.layout.file_nbytes, &s->result.decoded));
     return list;
 }
 
@@ -74,9 +76,9 @@ static json_t *exposure_of(const saga_encode_session *s)
 /* Reports the refinement of the cameras, or null if there was none. */
 static json_t *refinement_of(const saga_encode_session *s)
 {
-    return s->refined ? json_pack("{sfsf}", "before_px", s->fit_before,
-                                  "after_px", s->fit_after)
-                      : json_null();
+    return s->poses.camera ? json_pack("{sfsf}", "before_px", s->poses.before,
+                                       "after_px", s->poses.after)
+                           : json_null();
 }
 
 static json_t *tools_of(const saga_train_report *r)
@@ -204,7 +206,7 @@ static void put_entropy(json_t *report, const saga_train_entropy *e)
 /* Returns who chose lambda, as text. */
 static const char *reason_of_lambda(const saga_encode_session *s)
 {
-    return s->wanted             ? ", chosen to meet the size"
+    return s->plan.wanted        ? ", chosen to meet the size"
            : !(s->o->lambda > 0) ? ", chosen to balance primitives and bits"
            : s->o->primitives    ? ""
                               : ", from which the number of primitives follows";
@@ -228,11 +230,11 @@ static void put_between(json_t *o, const saga_quality *q)
 
 static void put_decoded(json_t *o, const saga_encode_session *s)
 {
-    const saga_quality *const q = &s->decoded;
+    const saga_quality *const q = &s->result.decoded;
 
-    saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
+    saga_put_real(o, "seconds", saga_clock_seconds() - s->progress.started);
     saga_put(o, "psnr", quality_of(q));
-    saga_put_verdict(o, &s->verdict, s->preset->better);
+    saga_put_verdict(o, &s->result.verdict, s->plan.preset->better);
     put_between(o, q);
 }
 
@@ -253,7 +255,7 @@ static json_t *report_networks(const saga_encode_session *s)
     json_t *const o = begin_report(s);
 
     saga_put_int(o, "first", saga_train_first(s->train));
-    saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
+    saga_put_real(o, "seconds", saga_clock_seconds() - s->progress.started);
     return o;
 }
 
@@ -265,8 +267,8 @@ static json_t *report_part(const saga_encode_session *s)
     const int k = s->o->only;
     json_t *const o = begin_report(s);
 
-    saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
-    saga_put_bytes(o, &s->layout);
+    saga_put_int(o, "nbytes", (json_int_t)s->result.layout.file_nbytes);
+    saga_put_bytes(o, &s->result.layout);
     saga_put_int(o, "segment", k);
     saga_put_int(o, "n_frames", saga_encode_frames(s, k));
     saga_put_int(o, "/begin", saga_encode_begin(s, k));
@@ -284,7 +286,7 @@ static void put_capture(json_t *o, const saga_encode_session *s)
     saga_put_int(o, "n_frames", s->whole.n_frames);
     saga_put_int(o, "scale", s->capture.scale);
     saga_put_int(o, "/chosen_scale", s->scale);
-    saga_put_text(o, "late", s->late);
+    saga_put_text(o, "late", s->poses.late);
     saga_put(o, "refinement", refinement_of(s));
     saga_put(o, "exposure", exposure_of(s));
     saga_put_real(o, "/exposure", saga_encode_exposure(s));
@@ -300,13 +302,13 @@ static void put_file(json_t *o, const saga_encode_session *s)
     const saga_train_report *const r = saga_train_report_of(s->train);
     const saga_encode_sizes *const z = &r->sizes;
 
-    saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
+    saga_put_int(o, "nbytes", (json_int_t)s->result.layout.file_nbytes);
     saga_put_real(o, "/film_seconds", s->whole.n_frames / s->whole.fps);
     saga_put_real(o, "/kb",
                   1e-3 * (double)z->total * s->whole.fps / s->whole.n_frames);
     saga_put_real(o, "/kbits",
                   8e-3 * (double)z->total * s->whole.fps / s->whole.n_frames);
-    saga_put_bytes(o, &s->layout);
+    saga_put_bytes(o, &s->result.layout);
     saga_put(o, "/sizes",
              json_pack("{sIsIsIsIsIsIsI}", "header", (json_int_t)z->header,
                        "index", (json_int_t)z->index, "networks",
@@ -323,7 +325,7 @@ static void put_file(json_t *o, const saga_encode_session *s)
     saga_put_int(o, "level", r->info.level);
     saga_put_int(o, "parameters", r->n_parameters);
     /* Parameters that are not coded have 16 bits each. */
-    if (s->ablation.raw_networks)
+    if (s->plan.ablation.raw_networks)
         saga_put_int(o, "/raw_nbytes", 2 * (json_int_t)r->n_parameters);
     saga_put(o, "tools", tools_of(r));
     saga_put_real(o, "clamped_primitives", (double)r->quantise.n_clamped);
@@ -332,7 +334,9 @@ static void put_file(json_t *o, const saga_encode_session *s)
 json_t *saga_encode_report(const saga_encode_session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
-    const bool evened = s->evened.n_training + s->evened.n_held_out > 0;
+    const bool evened = s->result.evened.n_training +
+                            s->result.evened.n_held_out >
+                        0;
     json_t *const o = begin_report(s);
 
     saga_put(o, "options", saga_encode_options_json(s->o));
@@ -341,9 +345,10 @@ json_t *saga_encode_report(const saga_encode_session *s)
     put_decoded(o, s);
     saga_put(o, "psnr_warm_up", quality_of(&r->warm));
     saga_put(o, "psnr_float", quality_of(&r->model));
-    saga_put(o, "psnr_evened", evened ? quality_of(&s->evened) : json_null());
+    saga_put(o, "psnr_evened",
+             evened ? quality_of(&s->result.evened) : json_null());
     saga_put(o, "psnr_decoded_float", quality_of(&r->coded));
-    saga_put(o, "psnr_against_decoded_float", quality_of(&s->agreement));
+    saga_put(o, "psnr_against_decoded_float", quality_of(&s->result.agreement));
     saga_put(o, "layers", layers_of(s));
     put_bits(o, &r->sizes);
     put_entropy(o, &r->entropy);

@@ -24,9 +24,9 @@ static int train_segment(saga_encode_session *s)
 {
     saga_outcome status;
 
-    s->meter = (saga_meter){ .quiet = s->o->quiet };
+    s->progress.meter = (saga_meter){ .quiet = s->o->quiet };
     status = saga_train_run(s->train, &s->error);
-    saga_meter_end(&s->meter);
+    saga_meter_end(&s->progress.meter);
     saga_encode_complain(s);
     if (status == SAGA_STOPPED)
         return saga_encode_stopped(s);
@@ -40,7 +40,7 @@ static void print_base(const saga_encode_session *s)
     const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
     char gain[48] = "their numbers are raised to fill the size";
 
-    if (!s->wanted)
+    if (!s->plan.wanted)
         snprintf(gain, sizeof gain, "that saves about %.0f kB",
                  b->saved / 1000);
     /* There is a base, or too much moves for one, or the cameras move. */
@@ -50,7 +50,7 @@ static void print_base(const saga_encode_session *s)
                        "are stored once, as the base, and each of the %d "
                        "segments has %s%u more; %s",
                        still, b->n_prim, s->n_segments,
-                       s->wanted ? "about " : "", b->n_kept, gain);
+                       s->plan.wanted ? "about " : "", b->n_kept, gain);
     else if (b->why == SAGA_TRAIN_MOVES)
         saga_cli_error(0,
                        "encode: %.0f %% of the primitives stand still: too "
@@ -109,9 +109,9 @@ int saga_encode_train(saga_encode_session *s)
  * have a size of their own and the primitives' step has a lower limit. */
 static void print_size(const saga_encode_session *s, size_t n)
 {
-    const double off = (double)n / (double)s->wanted - 1;
+    const double off = (double)n / (double)s->plan.wanted - 1;
 
-    if (s->wanted && fabs(off) > MOST_OFF)
+    if (s->plan.wanted && fabs(off) > MOST_OFF)
         saga_cli_error(0,
                        "encode: the file has %zu bytes, %.0f %% %s than "
                        "asked for; %s --primitives would be nearer",

@@ -20,8 +20,8 @@ bool saga_encode_loading(void *user, double done, const char *doing)
 {
     saga_encode_session *const s = user;
 
-    saga_meter_show(&s->meter, done, doing);
-    return !*s->signal;
+    saga_meter_show(&s->progress.meter, done, doing);
+    return !*s->progress.signal;
 }
 
 void saga_encode_complain(saga_encode_session *s)
@@ -31,7 +31,7 @@ void saga_encode_complain(saga_encode_session *s)
 
     if (!complaint)
         return;
-    saga_meter_end(&s->meter);
+    saga_meter_end(&s->progress.meter);
     saga_cli_error(0, "encode: the checkpoint was not written: %s", complaint);
 }
 
@@ -52,15 +52,16 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
                   p->iteration, p->n_iterations);
     saga_encode_complain(s);
-    saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
+    saga_encode_log_write(&s->progress.log, p,
+                          saga_clock_seconds() - s->progress.log_began);
     /* PSNR and bits are shown as soon as they are known. */
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB", p->psnr);
     if (p->bits > 0)
         snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
                  p->bits / 1e3);
-    saga_meter_show(&s->meter, p->done, text);
-    return !*s->signal;
+    saga_meter_show(&s->progress.meter, p->done, text);
+    return !*s->progress.signal;
 }
 
 int saga_encode_failed(const saga_encode_session *s, int status)
@@ -79,7 +80,8 @@ int saga_encode_stopped(const saga_encode_session *s)
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "encode: stopped by %s; the "
                               "same command with --resume continues from %s",
-                              *s->signal == SIGINT ? "Ctrl-C" : "a signal",
+                              *s->progress.signal == SIGINT ? "Ctrl-C"
+                                                            : "a signal",
                               s->checkpoint);
     return saga_cli_error(SAGA_EXIT_USAGE,
                           "encode: stopped, but no "
@@ -96,8 +98,8 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s)
         c.scale = s->scale;
     /* Videos of unequal lengths are cut to the shortest once it is known how
      * they belong together. */
-    if (s->late) {
-        c.late = s->late;
+    if (s->poses.late) {
+        c.late = s->poses.late;
         c.any_length = true;
     }
     c.metres = s->o->metres;
@@ -125,8 +127,8 @@ bool saga_encode_has_base(const saga_encode_session *s)
 /* Gives the views of a capture their refined cameras, if there are any. */
 static void use_refined(const saga_encode_session *s, saga_capture *capture)
 {
-    for (int v = 0; s->refined && v < capture->n_views; v++) {
-        const saga_encode_camera *const from = &s->refined[v];
+    for (int v = 0; s->poses.camera && v < capture->n_views; v++) {
+        const saga_encode_camera *const from = &s->poses.camera[v];
         saga_source_view *const to = &capture->views[v];
 
         memcpy(to->rotation, from->rotation, sizeof to->rotation);
@@ -140,9 +142,9 @@ static void use_refined(const saga_encode_session *s, saga_capture *capture)
 
 int saga_encode_not_loaded(const saga_encode_session *s)
 {
-    if (*s->signal && saga_path_is_file(s->checkpoint))
+    if (*s->progress.signal && saga_path_is_file(s->checkpoint))
         return saga_encode_stopped(s);
-    if (*s->signal)
+    if (*s->progress.signal)
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "encode: stopped while loading "
                               "the capture; nothing was written");
@@ -159,13 +161,13 @@ static int open_segment(saga_encode_session *s, int segment)
     /* The previous pictures are freed first, so that two segments are never in
      * memory together. */
     saga_capture_free(&s->capture);
-    s->meter = (saga_meter){ .quiet = s->o->quiet };
+    s->progress.meter = (saga_meter){ .quiet = s->o->quiet };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
-        saga_meter_end(&s->meter);
+        saga_meter_end(&s->progress.meter);
         use_refined(s, &s->capture);
         return SAGA_EXIT_OK;
     }
-    saga_meter_end(&s->meter);
+    saga_meter_end(&s->progress.meter);
     return saga_encode_not_loaded(s);
 }
 

@@ -62,6 +62,7 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
     const double price = fmax(lambda, LEAST_LAMBDA) / (255 * 255 * n_pixels);
 
     return (saga_policy){
+        .lambda = lambda,
         .price = { price, START_PRICE * price, WEIGHT_PRICE * price },
         /* Rounding adds an error proportional to the step's square; a larger
          * step saves bits in proportion to primitives and price. The optimum is

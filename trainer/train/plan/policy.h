@@ -26,6 +26,9 @@ typedef struct saga_prices {
 } saga_prices;
 
 typedef struct saga_policy {
+    double lambda; /* what all members follow from. In a training it is the
+                    * option, and from the end of the warm-up on what
+                    * saga_policy_lambda or the wanted size gave; 0: open */
     saga_prices price;
     double prim_step;      /* step of a primitive's offset, in supports */
     uint8_t width;         /* hidden units of the networks that make

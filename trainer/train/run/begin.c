@@ -150,7 +150,7 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
     saga_options_derive(&t->o);
     if (!check_room(t, error))
         return false;
-    t->lambda = t->o.lambda;
+    t->policy.lambda = t->o.lambda;
     t->room = saga_plan_room(&t->o);
     t->explained = (double)NAN;
     *f = saga_flat_defaults();

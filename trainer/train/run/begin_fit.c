@@ -192,10 +192,10 @@ void saga_train_settle_price(saga_train *t)
 {
     const double n_pixels = n_pixels_of(t);
 
-    if (!(t->lambda > 0))
-        t->lambda = saga_policy_lambda(t->recent_mse, n_pixels,
-                                       t->o.n_primitives);
-    t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives);
+    if (!(t->policy.lambda > 0))
+        t->policy.lambda = saga_policy_lambda(t->recent_mse, n_pixels,
+                                              t->o.n_primitives);
+    t->policy = saga_policy_of(t->policy.lambda, n_pixels, t->o.n_primitives);
 }
 
 bool saga_train_begin_fit(saga_train *t, saga_error *error)

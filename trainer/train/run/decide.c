@@ -54,7 +54,7 @@ static bool find_motion(saga_train *t, saga_error *error)
 static bool choose_tools(saga_train *t, saga_error *error)
 {
     const saga_tool_question q = { .terms = terms_of(t),
-                                   .lambda = t->lambda,
+                                   .lambda = t->policy.lambda,
                                    .pictures = &t->pictures,
                                    .flat = saga_flat_params(t->flat),
                                    .n = saga_flat_count(t->flat),

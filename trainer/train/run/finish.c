@@ -198,7 +198,8 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
         keep_counts(&r->n, &t->scene.n);
     r->base = t->base;
     /* Steering multiplies the prices, and lambda is proportional to them. */
-    r->lambda = t->lambda * saga_fit_price(t->fit) / t->policy.price.residual;
+    r->lambda = t->policy.lambda * saga_fit_price(t->fit) /
+                t->policy.price.residual;
     r->dynamic = t->dynamic;
     memcpy(r->tool, t->tool, sizeof r->tool);
     r->explained = t->explained;

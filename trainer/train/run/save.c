@@ -223,7 +223,7 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
     /* This is lambda as the rule or the steering of the size has set it. In the
      * warm-up nothing has set it but the option, which may be another now. */
     if (saga_train_header_settled(h))
-        t->lambda = h->chosen_lambda;
+        t->policy.lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
     return t->turn == 0 || read_finished(t, c, error);
 }

@@ -41,7 +41,7 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
-    h->chosen_lambda = t->lambda;
+    h->chosen_lambda = t->policy.lambda;
     h->stage = (uint64_t)t->stage;
     h->fitting = t->fitting;
     h->dynamic = t->dynamic;

@@ -181,7 +181,7 @@ static bool pack(saga_train *t, saga_error *error)
         return false;
     /* Steering changes the price with the square of the step. */
     if (t->o.n_bytes)
-        t->lambda = t->report.lambda;
+        t->policy.lambda = t->report.lambda;
     return true;
 }
 

@@ -31,9 +31,8 @@ struct saga_train {
                              * checkpoints */
     saga_train_options o;   /* options after all have been derived */
     saga_ablation ablation; /* what o.ablate says */
-    double lambda;          /* the option or, from the end of the warm-up
-                             * on, the rule's value */
-    saga_policy policy;     /* set at the end of the warm-up */
+    saga_policy policy;     /* from the end of the warm-up on; only lambda
+                             * before */
     double room;            /* room in the networks' formats (pack.h) */
     saga_train_base base;   /* set at the end of the first warm-up */
     saga_backdrop backdrop; /* the decoded base; empty until then */

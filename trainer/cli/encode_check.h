@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The quality of the finished file, as the integer decoder decodes it.
+ */
+#ifndef SAGA_ENCODE_CHECK_H
+#define SAGA_ENCODE_CHECK_H
+
+#include "layout.h"
+#include "train.h"
+#include "verdict.h"
+#include "view.h"
+
+struct saga_encode_session;
+
+/* The file cut after a layer, and its quality as the integer decoder decodes
+ * it. */
+typedef struct saga_encode_cut {
+    saga_bytes bytes; /* bytes of the film, while it is open */
+    saga_film film;
+    size_t nbytes;
+    double sum[2]; /* sums of PSNRs in dB: training, held out */
+    int n[2];      /* number of pictures in them */
+    saga_quality quality;
+} saga_encode_cut;
+
+/* What saga_encode_check finds in the finished file. */
+typedef struct saga_encode_result {
+    saga_layout layout;
+    saga_quality decoded;
+    saga_quality evened;    /* the same, compared with pictures whose exposure
+                             * is evened out as in training; 0 pictures:
+                             * exposures are equal */
+    saga_quality agreement; /* PSNR between decoded pictures and the float
+                             * model's pictures for the same symbols */
+    saga_verdict verdict;   /* over the training views */
+    saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
+                                           * except the last */
+} saga_encode_result;
+
+int saga_encode_check(struct saga_encode_session *s);
+
+#endif
