@@ -5,7 +5,8 @@
   charuco.py FOLDER COLUMNS ROWS SQUARE MARKER [--dictionary DICT_4X4_50]
 
 FOLDER has a synchronous video of each camera (mp4, mov, mkv, avi). The board
-has COLUMNS x ROWS squares of SQUARE metres and markers of MARKER metres. Writes
+has COLUMNS x ROWS squares of SQUARE metres and markers of MARKER metres, dark
+on light or light on dark. Writes
 FOLDER/calibration.toml, which `saga` reads beside the videos. With "--board
 FILE.png" it only draws the board, to be printed. It needs OpenCV 4.6 with its
 module aruco (Debian: python3-opencv).
@@ -15,51 +16,98 @@ cameras that see the board at the same moments then have a pose relative to each
 other, and the poses of all cameras follow from the pairs with the most common
 frames."""
 import argparse
-import glob
 import os
 import sys
 
-import cv2
-import numpy as np
+try:
+    import cv2
+    import numpy as np
+    cv2.aruco.CharucoBoard_create
+except (ImportError, AttributeError):
+    sys.exit("charuco.py: needs OpenCV 4.6 with its module aruco, and numpy: "
+             "apt install python3-opencv")
 
 LEAST_CORNERS = 8    # corners that a frame must show to count
 MOST_FRAMES = 40     # for the lens of a camera; more take long
 LEAST_FRAMES = 5
+MOST_ERROR = 3       # pixels; what is above is another board
+DICTIONARIES = sorted(d for d in dir(cv2.aruco) if d.startswith("DICT_"))
+
+
+def markers_in(grey, dictionary):
+    """Returns the markers of a picture, on light or on dark paper."""
+    how = cv2.aruco.DetectorParameters_create()
+    how.detectInvertedMarker = True
+    markers, ids, _ = cv2.aruco.detectMarkers(grey, dictionary, parameters=how)
+    return markers, [] if ids is None else ids
 
 
 def corners_of(video, board, dictionary, step):
-    """Returns the size of the pictures, and for each frame that shows the board
-    its corners: their numbers and pixels."""
-    frames, size, k = {}, None, 0
+    """Returns the size of the pictures, for each frame that shows the board its
+    corners (their numbers and pixels), and a hint in case they are too few."""
+    frames, size, k, seen, best = {}, None, 0, set(), (0, None)
     reader = cv2.VideoCapture(video)
     while True:
         ok, picture = reader.read()
         if not ok:
-            return size, frames
+            break
         grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
         size = grey.shape[::-1]
         if k % step == 0:
-            markers, ids, _ = cv2.aruco.detectMarkers(grey, dictionary)
-            if ids is not None:
-                n, corners, ids = cv2.aruco.interpolateCornersCharuco(
+            markers, ids = markers_in(grey, dictionary)
+            seen.update(int(i) for i in np.ravel(ids))
+            best = max(best, (len(ids), k), key=lambda b: b[0])
+            if len(ids):
+                n, corners, numbers = cv2.aruco.interpolateCornersCharuco(
                     markers, ids, grey, board)
                 if n >= LEAST_CORNERS:
-                    frames[k] = ids, corners
+                    frames[k] = numbers, corners
         k += 1
+    if size is None:
+        sys.exit("%s: cannot be read as a video" % video)
+    few = len(frames) < LEAST_FRAMES
+    return size, frames, hint(video, k, board, seen, best[0]) if few else ""
 
 
-def lens_of(name, size, frames, board):
+def hint(video, n_frames, board, seen, most):
+    """Returns what may be wrong if a video shows the board too seldom."""
+    n = len(board.ids)
+    if seen:
+        wrong = sum(i >= n for i in seen)
+        return ("at most %d of the board's %d markers are seen at once, %s" %
+                (most, n, "and %d that it does not have: are COLUMNS and ROWS "
+                 "exchanged?" % wrong if wrong else "so hold it nearer and "
+                 "flatter, in more light; compare COLUMNS, ROWS and MARKER"))
+    reader, counts = cv2.VideoCapture(video), {}
+    for k in range(n_frames):
+        if not reader.grab() or k % max(1, n_frames // 8):
+            continue
+        grey = cv2.cvtColor(reader.retrieve()[1], cv2.COLOR_BGR2GRAY)
+        for d in DICTIONARIES:
+            found = markers_in(grey, cv2.aruco.Dictionary_get(
+                getattr(cv2.aruco, d)))[1]
+            counts[d] = counts.get(d, 0) + len(found)
+    other = max(counts, key=counts.get, default=None)
+    return "no marker of its dictionary is seen; " + (
+        "there are markers of %s: try --dictionary %s" % (other, other)
+        if other and counts[other] else "is it the right video?")
+
+
+def lens_of(name, size, frames, board, why):
     """Returns matrix and distortion of a camera, from evenly spread frames."""
     chosen = sorted(frames)
     chosen = chosen[::max(1, len(chosen) // MOST_FRAMES)]
     if len(chosen) < LEAST_FRAMES:
-        sys.exit("%s shows the board in %d frames; %d are needed" %
-                 (name, len(chosen), LEAST_FRAMES))
+        sys.exit("%s: the board is in %d frames, %d are needed: %s" %
+                 (name, len(chosen), LEAST_FRAMES, why))
     error, matrix, distortion, _, _ = cv2.aruco.calibrateCameraCharuco(
         [frames[k][1] for k in chosen], [frames[k][0] for k in chosen], board,
         size, None, None, flags=cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3 |
         cv2.CALIB_ZERO_TANGENT_DIST,
         criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-7))
+    if not error < MOST_ERROR:
+        sys.exit("%s: the corners do not fit the board, by %.0f pixels: are "
+                 "COLUMNS and ROWS right, and not exchanged?" % (name, error))
     print("%s: %d frames, %.2f pixels" % (name, len(chosen), error))
     return matrix, distortion.ravel()
 
@@ -107,7 +155,7 @@ def numbers(values):
 
 
 def write(path, names, sizes, lenses, poses):
-    with open(path, "w") as f:
+    with open(path + ".part", "w") as f:
         for i, name in enumerate(names):
             matrix, distortion = lenses[name]
             f.write('[cam_%d]\nname = "%s"\nsize = [%d, %d]\n' %
@@ -117,6 +165,8 @@ def write(path, names, sizes, lenses, poses):
             f.write("rotation = %s\n" % numbers(
                 cv2.Rodrigues(poses[name][:3, :3])[0].ravel()))
             f.write("translation = %s\n\n" % numbers(poses[name][:3, 3]))
+    os.replace(path + ".part", path)
+    print(path)
 
 
 def main():
@@ -127,32 +177,49 @@ def main():
     parser.add_argument("rows", type=int)
     parser.add_argument("square", type=float)
     parser.add_argument("marker", type=float)
-    parser.add_argument("--dictionary", default="DICT_4X4_50")
+    parser.add_argument("--dictionary", default="DICT_4X4_50",
+                        choices=DICTIONARIES, metavar="DICT_...")
     parser.add_argument("--step", type=int, default=1,
                         help="use every STEP-th frame")
     parser.add_argument("--board", help="draw the board to this picture")
     told = parser.parse_args()
+    if told.columns < 2 or told.rows < 2 or told.step < 1:
+        parser.error("COLUMNS and ROWS are at least 2, STEP at least 1")
+    if not 0 < told.marker < told.square:
+        parser.error("MARKER must be above 0 and below SQUARE, in metres")
     dictionary = cv2.aruco.Dictionary_get(getattr(cv2.aruco, told.dictionary))
     board = cv2.aruco.CharucoBoard_create(told.columns, told.rows, told.square,
                                           told.marker, dictionary)
+    if told.columns * told.rows // 2 > len(dictionary.bytesList):
+        parser.error("%s has %d markers, too few for %d x %d squares" %
+                     (told.dictionary, len(dictionary.bytesList), told.columns,
+                      told.rows))
     if told.board:
-        cv2.imwrite(told.board, board.draw((200 * told.columns,
-                                            200 * told.rows)))
+        if not cv2.imwrite(told.board, board.draw((200 * told.columns,
+                                                   200 * told.rows))):
+            sys.exit("%s: cannot be written" % told.board)
         return
-    videos = sorted(v for end in ("mp4", "mov", "mkv", "avi")
-                    for v in glob.glob("%s/*.%s" % (told.folder, end)))
+    videos = sorted(os.path.join(told.folder, v)
+                    for v in os.listdir(told.folder) if v[0] != "." and
+                    v.lower().endswith((".mp4", ".mov", ".mkv", ".avi")))
     if not videos:
-        sys.exit("%s has no videos" % told.folder)
+        sys.exit("%s: has no videos (mp4, mov, mkv, avi)" % told.folder)
     names, sizes, lenses, boards = [], {}, {}, {}
     for video in videos:
         name = os.path.splitext(os.path.basename(video))[0]
-        sizes[name], frames = corners_of(video, board, dictionary, told.step)
-        lenses[name] = lens_of(name, sizes[name], frames, board)
+        sizes[name], frames, why = corners_of(video, board, dictionary,
+                                              told.step)
+        lenses[name] = lens_of(name, sizes[name], frames, board, why)
         boards[name] = boards_of(frames, lenses[name], board)
         names.append(name)
-    write(told.folder + "/calibration.toml", names, sizes, lenses,
+    write(os.path.join(told.folder, "calibration.toml"), names, sizes, lenses,
           chain(names, boards))
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except OSError as e:
+        sys.exit("charuco.py: %s: %s" % (e.filename, e.strerror))
+    except cv2.error as e:
+        sys.exit("charuco.py: OpenCV: %s" % e.err)

@@ -305,6 +305,7 @@ many() {
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     [ "$what" != all ] || check schedulers tests/cli/check_schedulers.sh
+    [ "$what" != all ] || check charuco python3 tests/cli/check_charuco.py
     check matrix tests/run_matrix.sh "$size"
     check init tests/check_init.sh "$size"
     [ "$what" != all ] || check mutants tests/run_mutants.sh

@@ -30,7 +30,7 @@ test) packages=$test ;;
 packages) packages="$build $packages" ;;
 all)
     packages="$test $packages cmake
-    slurm-wlm munge parallel openmpi-bin
+    python3-opencv slurm-wlm munge parallel openmpi-bin
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
     gcc-riscv64-linux-gnu libc6-dev-riscv64-cross

@@ -66,6 +66,16 @@ int dec_parse_seconds(double *seconds, const char *text)
     return stop != text && *stop == '\0' && *seconds > 0 && *seconds <= 1e9;
 }
 
+const char *dec_shown(char to[DEC_SHOWN_NBYTES], const char *text)
+{
+    int n = 0;
+    for (; *text && n < DEC_SHOWN_NBYTES - 4; text++)
+        n += snprintf(to + n, 4, *text >= ' ' && *text <= '~' ? "%c" : "%%%02X",
+                      (unsigned char)*text);
+    to[n] = '\0';
+    return to;
+}
+
 int dec_parse_options(dec_options *o, int argc, char **argv)
 {
     int i;
@@ -95,7 +105,8 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
             fprintf(stderr,
                     "saga-dec: unknown or wrong option '%s'%s%s; see "
                     "saga-dec --help\n",
-                    argv[i], value ? " " : "", value ? value : "");
+                    SHOWN(argv[i]), value ? " " : "",
+                    SHOWN(value ? value : ""));
             return 0;
         }
     }

@@ -43,7 +43,8 @@ static struct {
 
 static int refuse(const char *file, const char *what, saga_status s)
 {
-    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what, saga_status_text(s));
+    fprintf(stderr, "saga-dec: %s: %s: %s\n", SHOWN(file), SHOWN(what),
+            saga_status_text(s));
     if (s == SAGA_ERR_DATA)
         fprintf(
             stderr,
@@ -60,7 +61,7 @@ static int refuse(const char *file, const char *what, saga_status s)
 
 static int fail(const char *file, const char *what)
 {
-    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
+    fprintf(stderr, "saga-dec: %s: %s: %s\n", SHOWN(file), what,
             errno ? strerror(errno) : "too short");
     return 2;
 }
@@ -116,7 +117,7 @@ static int read_camera_file(saga_camera *c, const char *name)
         fprintf(stderr,
                 "saga-dec: %s: number %d of the camera's 22 integers "
                 "is missing or out of range\n",
-                name, n + 1);
+                SHOWN(name), n + 1);
         return 2;
     }
     for (i = 0; i < 9; i++)
@@ -149,7 +150,7 @@ static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
         fprintf(stderr,
                 "saga-dec: '%s' is not a camera of the file; see "
                 "--info\n",
-                o->camera);
+                SHOWN(o->camera));
         return 2;
     }
     s = saga_rig(c, &number, memory.input, head_nbytes, index);
@@ -267,7 +268,7 @@ static int refuse_late(const dec_options *o)
     fprintf(stderr,
             "saga-dec: %s: decoding took more than %g s; allow more "
             "with --seconds %g\n",
-            o->file, o->seconds, 6 * o->seconds);
+            SHOWN(o->file), o->seconds, 6 * o->seconds);
     return 1;
 }
 
@@ -281,8 +282,8 @@ static int refuse_cover(const dec_options *o, const saga_decoder *dec,
             "saga-dec: %s: the stream exceeds its level: splats would "
             "cover the picture %.0f times, level %" PRIu32 " allows %u; move "
             "the camera away\n",
-            o->camera, (double)r.box_pixels / c->width / c->height, level,
-            SAGA_COVER_MAX(level));
+            SHOWN(o->camera), (double)r.box_pixels / c->width / c->height,
+            level, SAGA_COVER_MAX(level));
     return 1;
 }
 
@@ -384,7 +385,7 @@ static FILE *open_input(const char *name)
     if (S_ISREG(info.st_mode))
         return fdopen(fd, "rb");
     close(fd);
-    fprintf(stderr, "saga-dec: %s: is not a regular file\n", name);
+    fprintf(stderr, "saga-dec: %s: is not a regular file\n", SHOWN(name));
     return NULL;
 }
 

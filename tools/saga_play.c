@@ -392,7 +392,7 @@ static void wrong(const char *what)
     fprintf(stderr,
             "saga-play: unknown or wrong option '%s'; see saga-play "
             "--help\n",
-            what);
+            SHOWN(what));
     exit(2);
 }
 

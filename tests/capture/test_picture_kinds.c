@@ -708,7 +708,7 @@ TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
             assert_int_equal(c.views[0].height, sizes[i].h);
             check_pixel(saga_capture_frame(&c, 0, 0),
                         i ? corners[6].left : (const int[]){ 0, 0 });
-            assert_non_null(strstr(c.notes, "1 cameras ask to be shown"));
+            assert_non_null(strstr(c.notes, "ask to be shown turned: 1 "));
             assert_non_null(strstr(c.notes, sizes[i].says));
         }
     write_calibration(f, H, W, write_turned(f, 0, 1));

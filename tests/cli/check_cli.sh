@@ -103,6 +103,13 @@ verdict help
 # ---- usage
 good=vectors/good/segments.saga
 told 2 'saga --help'
+# Names from the command line reach the terminal without escape sequences.
+escape=$(printf 'a\033[31mb')
+for program in "$saga_dec" "$(dirname "$saga_dec")/saga-play"; do
+    [ -x "$program" ] || continue
+    "$program" "$escape" "$escape" 2>&1 | grep -q 'a%1B\[31mb' ||
+        complain "$program does not show a%1B[31mb"
+done
 told 2 "did you mean 'info'" inf "$good"
 told 2 "unknown command 'zzz'" zzz
 told 2 "unknown command 'zzz'" help zzz

@@ -64,8 +64,8 @@ void saga_listing_note_turns(saga_listing *listing)
         }
         if (n > 0)
             saga_note(listing->notes,
-                      "orientation: the files of %d cameras "
-                      "ask to be shown turned (%s: %s, EXIF %d) %s",
+                      "orientation: cameras whose files ask to be shown "
+                      "turned: %d (%s: %s, EXIF orientation %d) %s",
                       n, first->name, saga_turn_name(first->orientation),
                       first->orientation, done[upright]);
     }
