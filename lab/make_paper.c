@@ -52,7 +52,7 @@ static bool choose(saga_train *t, const char *row, double factor,
     saga_options_derive(&t->o);
     t->o.progress = NULL;
     saga_train_settle_price(t);
-    t->lambda *= factor;
+    t->policy.lambda *= factor;
     return true;
 }
 
