@@ -24,9 +24,10 @@ int dec_parse_u32(uint32_t *v, const char *text, char end);
 /* Reads a time above 0 and at most 1e9. Returns 0 if the text is not one. */
 int dec_parse_seconds(double *seconds, const char *text);
 
-/* Copies text as it may be printed on a terminal: bytes other than printable
- * ASCII, which could be escape sequences, become %XX. What is longer is cut.
- * Returns `to`. */
+/* As saga_utf8_copy of the trainer, which tools/ do not link, but for ASCII
+ * only: copies text as it may be printed on a terminal: bytes other than
+ * printable ASCII, which could be escape sequences, become %XX. What is longer
+ * is cut. Returns `to`. */
 enum { DEC_SHOWN_NBYTES = 256 };
 const char *dec_shown(char to[DEC_SHOWN_NBYTES], const char *text);
 #define SHOWN(text) dec_shown((char[DEC_SHOWN_NBYTES]){ 0 }, text)

@@ -23,7 +23,7 @@ typedef struct saga_encode_cut {
     saga_quality quality;
 } saga_encode_cut;
 
-/* What saga_encode_check finds in the finished file. */
+/* Quality and layout of the finished file, set by saga_encode_check. */
 typedef struct saga_encode_result {
     saga_layout layout;
     saga_quality decoded;

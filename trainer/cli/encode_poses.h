@@ -16,7 +16,7 @@ typedef struct saga_encode_camera {
                        * the refinement */
 } saga_encode_camera;
 
-/* What is found out about the cameras. */
+/* Corrections of the cameras' times and poses, set by the functions below. */
 typedef struct saga_encode_poses {
     char *late; /* what was found instead of --late; NULL: nothing was looked
                  * for */

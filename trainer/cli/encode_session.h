@@ -17,7 +17,7 @@
 
 #include <jansson.h>
 
-/* What encode_open.c decides before the training. */
+/* Decisions before the training, made by encode_open.c. */
 typedef struct saga_encode_plan {
     const saga_preset *preset;
     saga_ablation ablation;

@@ -383,6 +383,7 @@ static bool check_by_decoder(const saga_layout *l, const char *name,
     if (!work)
         return false;
     s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
+    /* To tell a layer's counts, the decoder checks the segment's header. */
     for (uint32_t i = 0; i < l->n_segments && s == SAGA_OK; i++) {
         const saga_layout_segment *const g = &l->segment[i];
         const saga_segment seg = { .number = i,

@@ -16,7 +16,8 @@
 
 typedef struct saga_part_record {
     uint32_t first, end; /* the file holds segments first..end-1 */
-    uint32_t count;      /* of so many; 0: there is no record */
+    uint32_t count;      /* number of segments of the film; 0: there is no
+                          * record */
     uint32_t training;   /* digest of the networks, which all parts of
                           * a training share */
 } saga_part_record;

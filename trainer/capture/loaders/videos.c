@@ -128,6 +128,7 @@ static void note_facts(saga_listing *l, bool alpha_masks)
                      "ignores them" },
     };
     const size_t n_facts = sizeof facts / sizeof facts[0];
+    /* The last fact is about alpha. */
     for (size_t i = 0; i < n_facts - alpha_masks; i++) {
         char names[320];
         const int n = name_those(l, facts[i].is, names, sizeof names);

@@ -81,6 +81,7 @@ static void look_at(saga_look *look, sums *all, const saga_capture *c, int v,
                 mask ? mask + (size_t)y * (size_t)s->width : NULL, s->width);
     if (own.n == 0.0)
         return;
+    /* A picture is blank if nearly all of its pixels have the same level. */
     const bool blank = level_at(histogram, own.n, 0.98) -
                            level_at(histogram, own.n, 0.02) <
                        CONTRAST;

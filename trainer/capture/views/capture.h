@@ -114,7 +114,7 @@ typedef struct saga_point {
     uint8_t rgb[3];
 } saga_point;
 
-/* What the matrices in a capture's file are. */
+/* Direction and axes of the matrices in a capture's file. */
 typedef enum saga_pose_convention {
     SAGA_POSES_TO_WORLD, /* camera to world, in OpenCV's axes */
     SAGA_POSES_OPENGL,   /* camera to world, in OpenGL's: y up, z backwards */
