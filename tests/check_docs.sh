@@ -46,29 +46,35 @@ while read -r f; do
 done <"$tmp/md" >"$tmp/bad"
 verdict width
 
-# ---- links: "FILE PATH" for all that looks like one
-top=$(find . -mindepth 1 -maxdepth 1 -type d ! -name '.*' ! -name build |
-    sed 's|^\./||' | paste -sd '|')
-while read -r f; do
-    {
-        grep -oE '\]\([^)]*\)' "$f" | sed 's/^](//; s/[#)].*//' |
-            grep -vE '^(https?:|$)' || :
-        # Links, URLs and paths of builds are removed. A link may be split over
-        # lines.
-        sed -E 's|\[[^]]*\]\([^)]*\)||g; s|^[^][]*\]\([^)]*\)||
-                s|https?://[^ )]*||g; s|build/[^ `]*||g' "$f" |
-            grep -oE "(^|[^A-Za-z0-9_/.*-])(\.\./)*(($top)/[A-Za-z0-9_./*-]*|[A-Za-z_-]+\.md)" |
-            sed -E 's/^[^A-Za-z0-9_.]//; s/[.-]$//' || :
-    } | sort -u | sed "s|^|$f |"
-done <"$tmp/md" | while read -r f path; do
-    for at in "$(dirname "$f")/$path" "docs/$path" "$path"; do
-        # shellcheck disable=SC2086
-        for hit in $at $at.*; do
-            [ ! -e "$hit" ] || continue 3
-        done
-    done
-    echo "$f: there is no $path"
-done >"$tmp/bad"
+# ---- links: all that looks like a path
+python3 - "$tmp/md" >"$tmp/bad" <<'PYTHON'
+import glob, os, re, sys
+
+top = "|".join(sorted(n for n in os.listdir(".") if os.path.isdir(n) and
+                      n[0] != "." and n != "build"))
+link = re.compile(r"\]\(([^)]*)\)")
+# Links, which may be split over lines, URLs and paths of builds.
+gone = re.compile(r"\[[^]]*\]\([^)]*\)|^[^][\n]*\]\([^)]*\)|https?://[^ )\n]*"
+                  r"|build/[^ `\n]*", re.M)
+path = re.compile(r"(?<![A-Za-z0-9_/.*-])((?:\.\./)*(?:(?:%s)/"
+                  r"[A-Za-z0-9_./*-]*|[A-Za-z_-]+\.md))" % top)
+
+
+def exists(at):
+    return glob.glob(at) or glob.glob(at + ".*")
+
+
+for name in open(sys.argv[1], encoding="utf-8").read().split():
+    with open(name, encoding="utf-8") as f:
+        text = f.read()
+    found = {re.sub(r"#.*", "", x) for x in link.findall(text)
+             if not re.match(r"https?:|#", x)}
+    found |= {re.sub(r"[.-]$", "", x) for x in path.findall(gone.sub("", text))}
+    for to in sorted(found - {""}):
+        if not any(map(exists, (os.path.join(os.path.dirname(name), to),
+                                "docs/" + to, to))):
+            print("%s: there is no %s" % (name, to))
+PYTHON
 verdict links
 
 # ---- diary

@@ -165,28 +165,62 @@ grep -hoE '^    \{ "--?[a-z-]+"' trainer/cli/*.c | cut -d'"' -f2 | sort -u |
     while read -r o; do
         grep -qE " $o\$" "$tmp/all" || complain "no command's help has $o"
     done
-while read -r c o; do
-    section=$(echo "$c" | tr a-z A-Z)
-    sed -n "/^.SH COMMAND $section\$/,/^.SH [CE]/p" "$share/man/man1/saga.1" |
-        sed 's/\\-/-/g' | grep -qE "^.B $o( |$)" ||
-        complain "saga.1 has no $c $o"
-    grep -E "^ *$c\) words=" "$share/bash-completion/completions/saga" |
-        grep -qE "['\" ]$o[' ]" || complain "bash has no $c $o"
-    sed -n "/^$c)/,/;;/p" "$share/zsh/site-functions/_saga" |
-        grep -qF -e "'*$o[" || complain "zsh has no $c $o"
-    dashes=${o%%[a-z]*}
-    [ "$dashes" = -- ] && flag="-l ${o#--}" || flag="-s ${o#-}"
-    grep -F "from $c'" "$share/fish/vendor_completions.d/saga.fish" |
-        grep -qE -e "$flag " || complain "fish has no $c $o"
-done <"$tmp/all"
 for p in saga-dec saga-play; do
-    for o in $(options "$at/bin/$p" x --help | cut -d' ' -f2 | sort -u); do
-        sed 's/\\-/-/g' "$share/man/man1/$p.1" | grep -qE "^.B $o( |$)" ||
-            complain "$p.1 has no $o"
-        grep -qE "['\" ]$o[' ]" "$share/bash-completion/completions/$p" ||
-            complain "bash has no $p $o"
-    done
-done
+    options "$at/bin/$p" "$p" --help
+done >"$tmp/others"
+python3 - "$share" "$tmp/all" "$tmp/others" >>"$bad" <<'PYTHON'
+import re, sys
+
+share, *lists = sys.argv[1:]
+rows, others = ([line.split() for line in open(name)] for name in lists)
+
+
+def read(path):
+    with open(share + "/" + path, encoding="utf-8") as f:
+        return f.read()
+
+
+def page_of(program):
+    return read("man/man1/%s.1" % program).replace("\\-", "-")
+
+
+def in_page(text, option):
+    return re.search(r"^\.B %s( |$)" % option, text, re.M)
+
+
+def in_words(text, option):
+    return re.search(r"['\" ]%s[' ]" % option, text)
+
+
+def part(text, begins, ends):
+    """Returns the lines from the one that begins so to the one that ends it."""
+    found = re.search(r"^%s.*?^.*%s" % (begins, ends), text, re.M | re.S)
+    return found.group() if found else ""
+
+
+page, bash = page_of("saga"), read("bash-completion/completions/saga")
+zsh = read("zsh/site-functions/_saga")
+fish = read("fish/vendor_completions.d/saga.fish").splitlines()
+for command, option in rows:
+    flag = ("-l " if option[1] == "-" else "-s ") + option.lstrip("-") + " "
+    own = re.findall(r"^ *%s\) words=.*" % command, bash, re.M)
+    for where, there in (
+            ("saga.1", in_page(part(page, r"\.SH COMMAND %s$" %
+                                    command.upper(), r"^\.SH [CE]"), option)),
+            ("bash", in_words("\n".join(own), option)),
+            ("zsh", "'*%s[" % option in part(zsh, command + r"\)", ";;")),
+            ("fish", any("from %s'" % command in line and flag in line
+                         for line in fish))):
+        if not there:
+            print(where, "has no", command, option)
+for program, option in others:
+    if not in_page(page_of(program), option):
+        print(program + ".1 has no", option)
+    if not in_words(read("bash-completion/completions/" + program), option):
+        print("bash has no", program, option)
+if len(rows) < 100 or len(others) < 10:
+    print("too few options:", len(rows), len(others))
+PYTHON
 for p in saga saga-dec saga-play; do
     if command -v groff >/dev/null; then
         groff -man -ww -z "$share/man/man1/$p.1" >>"$bad" 2>&1
