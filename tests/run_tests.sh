@@ -298,9 +298,9 @@ many() {
     programs gcc CC=gcc
     sanitized
     # The sanitizers are clang's. What was not built with them is only checked
-    # for clang's warnings, and in `all` once more with doubles.
-    build clang objects CC=clang CFLAGS=-fsyntax-only \
-        COMPILED="$build/sanitize" $([ "$what" = all ] || echo F64_OBJ=)
+    # for clang's warnings.
+    [ "$what" != all ] || build clang objects CC=clang CFLAGS=-fsyntax-only \
+        COMPILED="$build/sanitize"
     [ "$what" != all ] || check cmake tests/check_cmake.sh
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
