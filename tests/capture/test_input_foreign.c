@@ -3,24 +3,14 @@
  * Files as other programs leave them: numbers in names without zeros in front,
  * endings in capitals, files of the system between those of the user.
  */
-#include "capture_files.h"
 #include "load.h"
 #include "order.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
 
 extern const saga_loader saga_neu3d_loader;
 
 enum { W = 16, H = 16 };
-
-/* Writes a picture whose pixels all have a value. */
-static void write_grey(folder *f, const char *name, int value)
-{
-    uint8_t rgb[3 * W * H];
-
-    memset(rgb, value, sizeof rgb);
-    assert_done(saga_png_write(folder_file(f, name), W, H, rgb, &error));
-}
 
 /* --- The order of names -------------------------------------------------- */
 
@@ -119,7 +109,7 @@ TEST_IN_FOLDER(frames_of_a_list_should_be_in_order)
         const int k = (i + 3) % N_NUMBERS;
 
         snprintf(name, sizeof name, "f%d_%d.png", number[k], i / N_NUMBERS);
-        write_grey(f, name, 20 * number[k]);
+        write_grey(f, name, W, H, 20 * number[k], 20 * number[k]);
         put_text(&b,
                  "%s{\"file_path\": \"%s\", \"transform_matrix\": "
                  "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}",
@@ -145,7 +135,7 @@ TEST_IN_FOLDER(cameras_of_a_model_should_be_in_order)
     write_text(f, "sparse/0/points3D.txt", "");
     for (int i = 0; i < N_NUMBERS; i++) {
         snprintf(name, sizeof name, "images/c%d.png", number[i]);
-        write_grey(f, name, 20 * number[i]);
+        write_grey(f, name, W, H, 20 * number[i], 20 * number[i]);
         put_text(&b, "%d 1 0 0 0 %d 0 0 1 c%d.png\n\n", i + 1, number[i],
                  number[i]);
     }
@@ -167,11 +157,7 @@ TEST_IN_FOLDER(rows_should_belong_to_videos_in_order)
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=16x16 "
                   "-frames:v 1 cam1.mp4 && for i in 2 3 11; do cp cam1.mp4 "
                   "cam$i.mp4; done; cp cam1.mp4 cam10.MP4; touch ._cam1.mp4");
-    put(&b, "\x93NUMPY\1\0", 8);
-    put_le(&b, 118, 2);
-    put_text(&b, "%-117s\n",
-             "{'descr': '<f8', 'fortran_order': False, "
-             "'shape': (5, 17), }");
+    put_npy(&b, "<f8", "False", "5, 17");
     for (int i = 0; i < N_NUMBERS; i++) {
         const double row[17] = { 0, 1, 0, number[i], H, 1,  0, 0, 0,
                                  W, 0, 0, -1,        0, 20, 1, 9 };

@@ -4,8 +4,7 @@
  * descriptions of the formats, not by the libraries that read them. The same
  * files are also cut short, made invalid, or given wrong sizes.
  */
-#include "capture_files.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
 
 #include <zlib.h>
@@ -68,11 +67,9 @@ static bytes png_bytes(const png_kind *k, const uint8_t *rows,
 static void read_picture(folder *f, const char *name, int w, int h,
                          uint8_t *rgb)
 {
-    const saga_picture_wish wish = { .width = w, .height = h };
     saga_picture_look look;
 
-    assert_done(saga_picture_probe(folder_file(f, name), &look, &error));
-    assert_done(saga_picture_read(folder_file(f, name), &wish, rgb, &error));
+    assert_done(look_and_read(folder_file(f, name), w, h, rgb, &look, &error));
     assert_int_equal(look.width, w);
     assert_int_equal(look.height, h);
 }
@@ -86,27 +83,6 @@ static void check_png(folder *f, const png_kind *k, const uint8_t *rows,
     write_bytes(f, "a.png", &b);
     read_picture(f, "a.png", k->width, k->height, rgb);
     assert_memory_equal(rgb, expected, 3 * (size_t)(k->width * k->height));
-}
-
-TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
-{
-    static const uint8_t colour[12] = { 1,   2,   3,   250, 128, 0,
-                                        255, 255, 255, 0,   0,   9 };
-    static const uint8_t grey[2] = { 7, 200 };
-    /* The 2-bit indices 0 1 2 3 and 3 2 1 0. */
-    static const uint8_t two_bits[2] = { 0x1b, 0xe4 };
-    static const uint8_t grown[24] = { 0,   0,   0,   85,  85,  85,  170, 170,
-                                       170, 255, 255, 255, 255, 255, 255, 170,
-                                       170, 170, 85,  85,  85,  0,   0,   0 };
-    static const uint8_t greys[6] = { 7, 7, 7, 200, 200, 200 };
-    static const uint8_t one_bit[1] = { 0x40 };
-    static const uint8_t bits[6] = { 0, 0, 0, 255, 255, 255 };
-
-    check_png(f, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6, colour);
-    check_png(f, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1, greys);
-    check_png(f, &(png_kind){ 4, 2, 2, GREY, { 0 }, { 0 } }, two_bits, 1,
-              grown);
-    check_png(f, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1, bits);
 }
 
 /* 16-bit samples must become round(v / 257): a remainder of 128 is just below a
@@ -153,21 +129,6 @@ TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
                   &(png_kind){ 2, 1, 8, GREY, { g, NULL, key }, { 4, 0, 2 } },
                   keyed_rows, 2, keyed);
     }
-}
-
-static void refused_picture(folder *f, const char *name, int w, int h,
-                            const char *what)
-{
-    saga_error error = { "" };
-    uint8_t rgb[3072];
-    const saga_picture_wish wish = { .width = w, .height = h };
-    saga_picture_look look;
-
-    assert_false(saga_picture_probe(folder_file(f, name), &look, &error) &&
-                 saga_picture_read(folder_file(f, name), &wish, rgb, &error));
-    assert_says(&error, name);
-    assert_says(&error, what);
-    assert_says(&error, "; ");
 }
 
 TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)

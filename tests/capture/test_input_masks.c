@@ -4,7 +4,7 @@
  * can say so, and that the value of other pixels has no effect on those that
  * count. They also check cameras that are late by a fraction of a frame.
  */
-#include "picture.h"
+#include "picture_files.h"
 #include "video_files.h"
 
 enum { N_VIEWS = 2, N_FRAMES = 3 };
@@ -13,16 +13,6 @@ enum { N_VIEWS = 2, N_FRAMES = 3 };
 static int grey(int view, int frame)
 {
     return 40 + 60 * view + 20 * frame;
-}
-
-static void write_grey(folder *f, const char *name, int w, int h, int left,
-                       int right)
-{
-    uint8_t rgb[3 * 64 * 64];
-
-    for (int i = 0; i < w * h; i++)
-        memset(rgb + 3 * i, i % w < w / 2 ? left : right, 3);
-    assert_done(saga_png_write(folder_file(f, name), w, h, rgb, &error));
 }
 
 static void write_capture(folder *f, const char *root, const char *also)

@@ -208,13 +208,9 @@ static void write_model(folder *f, const char *where)
  * stored column by column. */
 static void write_poses(folder *f)
 {
-    static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
-                                 "'shape': (2, 17), }\n";
     bytes b = { 0 };
 
-    put(&b, "\x93NUMPY\x01\x00", 8);
-    put_le(&b, sizeof header - 1, 2);
-    put(&b, header, sizeof header - 1);
+    put_npy(&b, "<f8", "False", "2, 17");
     for (int v = 0; v < 2; v++) {
         const double row[17] = { 0, 1, 0, 0.5 * v, H, 1,  0, 0, 0,
                                  W, 0, 0, -1,      0, 15, 1, 9 };

@@ -15,13 +15,9 @@ enum { N_ITEMS = 24 };
 /* Returns the bytes of an .npy whose item i is 3 i - 5. */
 static bytes npy_bytes(void)
 {
-    static const char header[] = "{'descr': '<f4', 'fortran_order': False, "
-                                 "'shape': (2, 3, 2, 2), }\n";
     bytes b = { 0 };
 
-    put(&b, "\x93NUMPY\1\0", 8);
-    put_le(&b, sizeof header - 1, 2);
-    put(&b, header, sizeof header - 1);
+    put_npy(&b, "<f4", "False", "2, 3, 2, 2");
     for (int i = 0; i < N_ITEMS; i++)
         put_f32(&b, 3 * i - 5);
     return b;

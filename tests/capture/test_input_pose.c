@@ -4,9 +4,8 @@
  * convention of files. Invalid poses are refused. The cameras of the built-in
  * scene are compared with its points, its true depth and its pictures.
  */
-#include "capture_files.h"
 #include "order.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "pose.h"
 #include "synth_capture.h"
 #include "synth_room.h"
@@ -67,20 +66,13 @@ TEST(turn_should_be_about_its_axis)
     }
 }
 
-static void write_picture(folder *f, const char *name, int w, int h)
-{
-    FREED uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));
-
-    assert_done(saga_png_write(folder_file(f, name), w, h, rgb, &error));
-}
-
 /* Writes a capture with one camera whose matrix has its first entry multiplied
  * by m. */
 static void write_nerfstudio(folder *f, double m, const char *more)
 {
     bytes b = { 0 };
 
-    write_picture(f, "a.png", W, H);
+    write_grey(f, "a.png", W, H, 0, 0);
     put_text(&b,
              "{\"fl_x\": 100, \"fl_y\": 96, \"cx\": 41, \"cy\": 29.5, "
              "\"frames\": [{\"file_path\": \"a.png\", %s "
@@ -127,7 +119,7 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
 {
     FREED_BY(saga_capture_free) saga_capture c;
 
-    write_picture(f, "a.png", W, H);
+    write_grey(f, "a.png", W, H, 0, 0);
     /* The angle of view has tan(angle / 2) = 1/2, so that the focal length is
      * the width of the picture. */
     write_text(f, "transforms.json",
@@ -156,19 +148,6 @@ static void put_row(bytes *b, double shift)
     put_f64(b, 20);
 }
 
-static void put_npy_header(bytes *b, int rows)
-{
-    char text[200];
-    const int n = snprintf(text, sizeof text,
-                           "{'descr': '<f8', "
-                           "'fortran_order': False, 'shape': (%d, 17), }\n",
-                           rows);
-
-    put(b, "\x93NUMPY\x01\x00", 8);
-    put_le(b, (uint64_t)n, 2);
-    put(b, text, (size_t)n);
-}
-
 /* Writes videos of cam00 and cam03 with two frames each. */
 static void write_videos(folder *f)
 {
@@ -184,7 +163,7 @@ TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
     bytes b = { 0 };
 
     write_videos(f);
-    put_npy_header(&b, 2);
+    put_npy(&b, "<f8", "False", "2, 17");
     put_row(&b, 0);
     put_row(&b, 0.25);
     write_bytes(f, "poses_bounds.npy", &b);
@@ -207,7 +186,7 @@ static void refused_row(folder *f, int at, double value, const char *what)
 {
     bytes b = { 0 }, v = { 0 };
 
-    put_npy_header(&b, 2);
+    put_npy(&b, "<f8", "False", "2, 17");
     put_row(&b, 0);
     put_row(&b, 0.25);
     put_f64(&v, value);
@@ -233,7 +212,7 @@ TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
     refused_row(f, 14, -150, "focal length -150");
     refused_row(f, 14, NAN, "focal length nan");
     refused_row(f, 9, 4 * W, "for 320 x 120 pixels, the video has 80 x 60");
-    put_npy_header(&b, 3);
+    put_npy(&b, "<f8", "False", "3, 17");
     for (int i = 0; i < 3; i++)
         put_row(&b, i);
     write_bytes(f, "poses_bounds.npy", &b);

@@ -30,13 +30,9 @@ TEST_IN_FOLDER(nerfstudio_videos_should_be_the_scene)
  * far. */
 static void write_bounds(folder *f)
 {
-    static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
-                                 "'shape': (4, 17), }";
     bytes b = { 0 };
 
-    put(&b, "\x93NUMPY\1\0", 8);
-    put_le(&b, 118, 2);
-    put_text(&b, "%-117s\n", header);
+    put_npy(&b, "<f8", "False", "4, 17");
     for (int v = 0; v < N_VIEWS; v++) {
         const saga_source_view *const s = &scene.views[v];
         const double *const r = s->rotation, *const t = s->translation;

@@ -4,84 +4,27 @@
  * a program wait for ever, or let training continue with meaningless numbers,
  * is refused with a helpful message.
  */
-#include "capture_files.h"
 #include "child.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
+#include "video_files.h"
 
 #include <sys/stat.h>
 #include <time.h>
 
-enum { W = 32, H = 16 };
-
-static void write_png(folder *f, const char *name)
-{
-    static uint8_t rgb[3 * W * H];
-
-    assert_done(saga_png_write(folder_file(f, name), W, H, rgb, &error));
-}
-
-/* Writes a capture of two cameras side by side with a picture or video each,
- * and `also` as its first fields. */
-static void write_json(folder *f, const char *also, const char *a,
-                       const char *b)
-{
-    bytes json = { 0 };
-
-    put_text(&json,
-             "{%s, \"frames\": [{\"file_path\": \"%s\", "
-             "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}, "
-             "{\"file_path\": \"%s\", "
-             "\"transform_matrix\": [[1,0,0,1],[0,1,0,0],[0,0,1,0]]}]}",
-             also, a, b);
-    write_bytes(f, "transforms.json", &json);
-}
+static const char *const videos[] = { "a.mp4", "b.mp4" };
+static const char *const pictures[] = { "a.png", "b.png" };
 
 /* --- Videos -------------------------------------------------------------- */
-
-static void write_video(folder *f, const char *name)
-{
-    folder_run(f,
-               "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
-               "d=0.5 -c:v libx264 -movflags +faststart -y %s",
-               W, H, name);
-}
-
-/* Playlists, which name other files, are refused whatever their own names are.
- */
-TEST_IN_FOLDER(playlist_should_not_be_followed)
-{
-    static const char *const lists[] = {
-        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n%s/secret.mp4\n"
-        "#EXT-X-ENDLIST\n",
-        "ffconcat version 1.0\nfile 'secret.mp4'\n"
-    };
-
-    write_video(f, "secret.mp4");
-    write_video(f, "b.mp4");
-    write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
-    for (int i = 0; i < 2; i++) {
-        bytes b = { 0 };
-        FREED_BY(saga_capture_free) saga_capture c;
-
-        put_text(&b, lists[i], f->path);
-        write_bytes(f, "a.mp4", &b);
-        refused(f->path, "a.mp4",
-                i == 0 ? "is in ffmpeg's format \"hls\""
-                       : "is in ffmpeg's format \"concat\"");
-        folder_run(f, "cp secret.mp4 a.mp4");
-        c = load(f->path);
-    }
-}
 
 /* The mp4 is cut after the box that lists its frames, so that all frames are
  * missing. */
 TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
-    write_video(f, "b.mp4");
+    write_video(f, "b.mp4", 5, 10, "-movflags +faststart");
     folder_run(f, "head -c $(($(grep -abom1 mdat b.mp4 | cut -d: -f1) + 4)) "
                   "b.mp4 >a.mp4");
-    write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
+    write_json(f, "", videos, 2);
     refused(f->path, "a.mp4", "it may be cut short");
 }
 
@@ -106,8 +49,8 @@ TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
     const char *const old = getenv("TMPDIR");
     FREED char *const before = old ? strdup(old) : NULL;
 
-    write_video(f, "a.mp4");
-    write_json(f, "\"fl_x\": 30", "a.mp4", "a.mp4");
+    write_video(f, "a.mp4", 5, 10, "");
+    write_json(f, "", videos, 1);
     setenv("TMPDIR", "/nowhere/at/all", 1);
     refused(f->path, "/nowhere/at/all", "set TMPDIR to a folder");
     if (before)
@@ -122,9 +65,9 @@ TEST_IN_FOLDER(pipe_should_not_be_waited_for)
 {
     saga_capture c;
 
-    write_png(f, "b.png");
+    write_grey(f, "b.png", W, H, 0, 0);
     assert_int_equal(mkfifo(folder_file(f, "a.png"), 0600), 0);
-    write_json(f, "\"fl_x\": 30", "a.png", "b.png");
+    write_json(f, "", pictures, 2);
     alarm(120);
     c = load(f->path);
     assert_int_equal(c.n_views, 1);
@@ -133,8 +76,7 @@ TEST_IN_FOLDER(pipe_should_not_be_waited_for)
     refused(folder_file(f, "transforms.json"), "transforms.json",
             "give the folder of a capture");
     folder_run(f, "rm transforms.json");
-    write_json(f, "\"fl_x\": 30, \"ply_file_path\": \"p.ply\"", "b.png",
-               "b.png");
+    write_json(f, "\"ply_file_path\": \"p.ply\", ", pictures + 1, 1);
     assert_int_equal(mkfifo(folder_file(f, "p.ply"), 0600), 0);
     refused(f->path, "p.ply", "is not a regular file");
     alarm(0);
@@ -144,21 +86,21 @@ TEST_IN_FOLDER(pipe_should_not_be_waited_for)
 
 TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
 {
-    static const char *const absurd[] = { "\"fl_x\": 1e-5",
-                                          "\"fl_x\": 0.6",
-                                          "\"fl_x\": 1e9",
-                                          "\"fl_x\": 30, \"fl_y\": 1e-300",
-                                          "\"camera_angle_x\": 3.14159",
-                                          "\"camera_angle_x\": 1e-6" };
+    static const char *const absurd[] = { "\"fl_x\": 1e-5, ",
+                                          "\"fl_x\": 0.6, ",
+                                          "\"fl_x\": 1e9, ",
+                                          "\"fl_x\": 30, \"fl_y\": 1e-300, ",
+                                          "\"camera_angle_x\": 3.14159, ",
+                                          "\"camera_angle_x\": 1e-6, " };
     FREED_BY(saga_capture_free) saga_capture c;
 
-    write_png(f, "a.png");
-    write_png(f, "b.png");
+    write_grey(f, "a.png", W, H, 0, 0);
+    write_grey(f, "b.png", W, H, 0, 0);
     for (size_t i = 0; i < sizeof absurd / sizeof *absurd; i++) {
-        write_json(f, absurd[i], "a.png", "b.png");
+        write_json(f, absurd[i], pictures, 2);
         refused(f->path, f->path, "focal lengths of");
     }
-    write_json(f, "\"fl_x\": 0.7", "a.png", "b.png");
+    write_json(f, "\"fl_x\": 0.7, ", pictures, 2);
     c = load(f->path);
 }
 
@@ -168,14 +110,14 @@ TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
     FREED_BY(saga_capture_free) saga_capture c;
     char also[80];
 
-    write_png(f, "a.png");
-    write_png(f, "b.png");
+    write_grey(f, "a.png", W, H, 0, 0);
+    write_grey(f, "b.png", W, H, 0, 0);
     for (size_t i = 0; i < sizeof absurd / sizeof *absurd; i++) {
-        snprintf(also, sizeof also, "\"fl_x\": 30, \"fps\": %s", absurd[i]);
-        write_json(f, also, "a.png", "b.png");
+        snprintf(also, sizeof also, "\"fps\": %s, ", absurd[i]);
+        write_json(f, also, pictures, 2);
         refused(f->path, f->path, "its frame rate is");
     }
-    write_json(f, "\"fl_x\": 30, \"fps\": 0.1", "a.png", "b.png");
+    write_json(f, "\"fps\": 0.1, ", pictures, 2);
     c = load(f->path);
     assert_true(c.fps == 0.1);
 }
@@ -185,9 +127,9 @@ TEST_IN_FOLDER(memory_should_be_asked_for_by_its_option)
 {
     saga_capture_options o = saga_capture_defaults();
 
-    write_png(f, "a.png");
-    write_png(f, "b.png");
-    write_json(f, "\"fl_x\": 30", "a.png", "b.png");
+    write_grey(f, "a.png", W, H, 0, 0);
+    write_grey(f, "b.png", W, H, 0, 0);
+    write_json(f, "", pictures, 2);
     o.memory_nbytes = 100;
     refused_with(f->path, &o, f->path, "; use --memory 1 (GiB)");
 }

@@ -4,8 +4,7 @@
  * are those of a formula, placed in the display window, or the file is refused
  * by the name of what it holds.
  */
-#include "capture_files.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
 
 #include <OpenEXR/openexr.h>
@@ -300,10 +299,7 @@ TEST_IN_FOLDER(exr_should_be_read_or_refused_by_name)
 
         write_exr(path, r);
         set_compression(f, "a.exr", rows[i].compression);
-        ok = saga_picture_probe(path, &look, &error) &&
-             saga_picture_read(path,
-                               &(saga_picture_wish){ .width = W, .height = H },
-                               rgb, &error);
+        ok = look_and_read(path, W, H, rgb, &look, &error);
         if (ok == (r->refused != NULL))
             fail_msg("%s: %s", r->name, ok ? "was read" : error.message);
         for (int k = 0; ok && k < 3 * W * H; k++) {

@@ -3,9 +3,9 @@
  * PNG, JPEG and WebP of each kind that their libraries can hold, and what all
  * formats share: opacity, orientation, and what is said of a picture.
  */
-#include "capture_files.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
+#include "video_files.h"
 
 #include <png.h>
 #include <setjmp.h>
@@ -13,8 +13,6 @@
 #include <turbojpeg.h>
 #include <webp/encode.h>
 #include <zlib.h>
-
-enum { W = 32, H = 16 };
 
 static int colour(int x, int y, int c)
 {
@@ -27,33 +25,12 @@ static void fill(uint8_t *rgb)
         rgb[i] = (uint8_t)colour(i / 3 % W, i / 3 / W, i % 3);
 }
 
-static bool look_and_read(const char *path, uint8_t *rgb,
-                          saga_picture_look *look, saga_error *error)
-{
-    return saga_picture_probe(path, look, error) &&
-           saga_picture_read(path,
-                             &(saga_picture_wish){ .width = W, .height = H },
-                             rgb, error);
-}
-
 static void check_close(const uint8_t *rgb, const char *name, int most)
 {
     for (int i = 0; i < 3 * W * H; i++)
         if (abs(rgb[i] - colour(i / 3 % W, i / 3 / W, i % 3)) > most)
             fail_msg("%s: (%d, %d, %d) is %d", name, i / 3 % W, i / 3 / W,
                      i % 3, rgb[i]);
-}
-
-static void check_refused(folder *f, const char *name, const char *what)
-{
-    saga_error error = { "" };
-    saga_picture_look look;
-    uint8_t rgb[3 * W * H];
-
-    assert_false(look_and_read(folder_file(f, name), rgb, &look, &error));
-    assert_says(&error, name);
-    assert_says(&error, what);
-    assert_says(&error, "; ");
 }
 
 /* --- PNG ----------------------------------------------------------------- */
@@ -136,7 +113,8 @@ TEST_IN_FOLDER(png_of_every_kind_should_be_read)
         if (!(kinds[k % 5].depths & depth) || (depth & (depth - 1)))
             continue;
         write_png(folder_file(f, "a.png"), type, depth, k >= 80);
-        assert_done(look_and_read(folder_file(f, "a.png"), rgb, &look, &error));
+        assert_done(
+            look_and_read(folder_file(f, "a.png"), W, H, rgb, &look, &error));
         assert_string_equal(look.ignored, "");
         for (int i = 0; i < 3 * W * H; i++) {
             const int v = png_sample(type, depth, i / 3 % W, i / 3 / W,
@@ -203,7 +181,8 @@ TEST_IN_FOLDER(png_should_say_what_it_asks_for)
             continue;
         write_with_chunk(f, kinds[i / 2].type, kinds[i / 2].data,
                          kinds[i / 2].n, last);
-        assert_done(look_and_read(folder_file(f, "b.png"), rgb, &look, &error));
+        assert_done(
+            look_and_read(folder_file(f, "b.png"), W, H, rgb, &look, &error));
         check_close(rgb, kinds[i / 2].type, 0);
         assert_int_equal(look.orientation, kinds[i / 2].turned);
         if (!*kinds[i / 2].ignored)
@@ -212,7 +191,7 @@ TEST_IN_FOLDER(png_should_say_what_it_asks_for)
             assert_non_null(strstr(look.ignored, kinds[i / 2].ignored));
     }
     write_with_chunk(f, "acTL", "\0\0\0\2\0\0\0\0", 8, false);
-    check_refused(f, "b.png", "is an animated PNG");
+    refused_picture(f, "b.png", W, H, "is an animated PNG");
 }
 
 /* --- JPEG ---------------------------------------------------------------- */
@@ -277,21 +256,24 @@ TEST_IN_FOLDER(jpeg_of_every_kind_should_be_read_or_refused_by_name)
     for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
         encode_jpeg(&b, TJPF_RGB, kinds[i].subsampling, kinds[i].flags);
         write_bytes(f, "a.jpg", &b);
-        assert_done(look_and_read(folder_file(f, "a.jpg"), rgb, &look, &error));
+        assert_done(
+            look_and_read(folder_file(f, "a.jpg"), W, H, rgb, &look, &error));
         check_close(rgb, kinds[i].name, 12);
     }
     encode_adobe(&b);
     write_bytes(f, "a.jpg", &b);
-    assert_done(look_and_read(folder_file(f, "a.jpg"), rgb, &look, &error));
+    assert_done(
+        look_and_read(folder_file(f, "a.jpg"), W, H, rgb, &look, &error));
     check_close(rgb, "Adobe RGB", 6);
     encode_jpeg(&b, TJPF_RGB, TJSAMP_GRAY, 0);
     write_bytes(f, "a.jpg", &b);
-    assert_done(look_and_read(folder_file(f, "a.jpg"), rgb, &look, &error));
+    assert_done(
+        look_and_read(folder_file(f, "a.jpg"), W, H, rgb, &look, &error));
     assert_true(rgb[0] == rgb[1] && rgb[1] == rgb[2]);
     assert_in_range(rgb[0], 46, 54); /* 0.299 20 + 0.587 30 + 0.114 240 */
     encode_jpeg(&b, TJPF_CMYK, TJSAMP_444, 0);
     write_bytes(f, "a.jpg", &b);
-    check_refused(f, "a.jpg", "JPEG in CMYK");
+    refused_picture(f, "a.jpg", W, H, "JPEG in CMYK");
     /* A frame header of 12 bits, and one of lossless coding. */
     for (int k = 0; k < 2; k++) {
         size_t at = 0;
@@ -302,8 +284,15 @@ TEST_IN_FOLDER(jpeg_of_every_kind_should_be_read_or_refused_by_name)
         b.data[at + 1] = k ? 0xc3 : 0xc1;
         b.data[at + 4] = k ? 8 : 12;
         write_bytes(f, "a.jpg", &b);
-        check_refused(f, "a.jpg", "JPEG of a kind that cannot be read");
+        refused_picture(f, "a.jpg", W, H, "JPEG of a kind that cannot be read");
     }
+}
+
+static void fill_rgba(uint8_t *rgba)
+{
+    for (int i = 0; i < 4 * W * H; i++)
+        rgba[i] = i % 4 == 3 ? 255
+                             : (uint8_t)colour(i / 4 % W, i / 4 / W, i % 4);
 }
 
 /* --- WebP ---------------------------------------------------------------- */
@@ -326,27 +315,23 @@ TEST_IN_FOLDER(webp_should_be_read_or_refused_by_name)
     saga_picture_look look;
     bytes b = { 0 };
 
-    fill(rgb);
-    for (int i = 0; i < W * H; i++) {
-        memcpy(rgba + 4 * i, rgb + 3 * i, 3);
-        rgba[4 * i + 3] = 255;
-    }
+    fill_rgba(rgba);
     for (int lossless = 0; lossless < 2; lossless++) {
         encode_webp(&b, rgba, lossless);
         for (size_t n = 12; n < b.n - 1; n += 29) {
             write_part(f, "b.webp", &b, n);
-            check_refused(f, "b.webp", "WebP is damaged");
+            refused_picture(f, "b.webp", W, H, "WebP is damaged");
         }
         write_bytes(f, "a.webp", &b);
         assert_done(
-            look_and_read(folder_file(f, "a.webp"), rgb, &look, &error));
+            look_and_read(folder_file(f, "a.webp"), W, H, rgb, &look, &error));
         check_close(rgb, "WebP", lossless ? 0 : 12);
     }
     /* A canvas with the flag of an animation, and the start of one. */
     put(&b, "RIFF\x2a\0\0\0WEBPVP8X\12\0\0\0\2\0\0\0\x1f\0\0\17\0\0", 30);
     put(&b, "ANIM\6\0\0\0\0\0\0\0\0\0ANMF\0\0\0\0", 22);
     write_bytes(f, "a.webp", &b);
-    check_refused(f, "a.webp", "is an animated WebP");
+    refused_picture(f, "a.webp", W, H, "is an animated WebP");
 }
 
 /* --- Opacity ------------------------------------------------------------- */
@@ -355,11 +340,26 @@ TEST_IN_FOLDER(webp_should_be_read_or_refused_by_name)
 static const uint8_t opacities[3] = { 0, 128, 255 };
 static const uint8_t base[3] = { 200, 100, 40 };
 
+/* Begins a TIFF in one strip. */
+static TIFF *begin_tiff(const char *path, int bits, int n)
+{
+    TIFF *const t = must(TIFFOpen(path, "w"));
+
+    TIFFSetField(t, TIFFTAG_IMAGEWIDTH, W);
+    TIFFSetField(t, TIFFTAG_IMAGELENGTH, H);
+    TIFFSetField(t, TIFFTAG_BITSPERSAMPLE, bits);
+    TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, n);
+    TIFFSetField(t, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
+    TIFFSetField(t, TIFFTAG_PLANARCONFIG, 1);
+    TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, H);
+    return t;
+}
+
 /* Writes a TIFF of RGBA; associated opacity is multiplied into the colour. */
 static void write_tiff(const char *path, int bits, int kind)
 {
     const uint16_t extra = (uint16_t)kind;
-    TIFF *const t = TIFFOpen(path, "w");
+    TIFF *const t = begin_tiff(path, bits, 4);
     uint16_t wide[W * H * 4];
     uint8_t narrow[W * H * 4];
 
@@ -373,14 +373,7 @@ static void write_tiff(const char *path, int bits, int kind)
         narrow[i] = (uint8_t)v;
         wide[i] = (uint16_t)(v * 257);
     }
-    TIFFSetField(t, TIFFTAG_IMAGEWIDTH, W);
-    TIFFSetField(t, TIFFTAG_IMAGELENGTH, H);
-    TIFFSetField(t, TIFFTAG_BITSPERSAMPLE, bits);
-    TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, 4);
-    TIFFSetField(t, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
-    TIFFSetField(t, TIFFTAG_PLANARCONFIG, 1);
     TIFFSetField(t, TIFFTAG_COMPRESSION, COMPRESSION_LZW);
-    TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, H);
     TIFFSetField(t, TIFFTAG_EXTRASAMPLES, 1, &extra);
     TIFFWriteEncodedStrip(t, 0, bits == 8 ? (void *)narrow : wide,
                           W * H * bits / 2);
@@ -495,23 +488,13 @@ static const char *write_turned(folder *f, int k, int orientation)
         write_png(folder_file(f, "a.png"), PNG_COLOR_TYPE_RGB, 8, 0);
         write_with_chunk(f, "eXIf", exif, sizeof exif6 - 1, true);
     } else if (k == 2) {
-        TIFF *const t = TIFFOpen(folder_file(f, names[k]), "w");
+        TIFF *const t = begin_tiff(folder_file(f, names[k]), 8, 3);
 
-        TIFFSetField(t, TIFFTAG_IMAGEWIDTH, W);
-        TIFFSetField(t, TIFFTAG_IMAGELENGTH, H);
-        TIFFSetField(t, TIFFTAG_BITSPERSAMPLE, 8);
-        TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, 3);
-        TIFFSetField(t, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
-        TIFFSetField(t, TIFFTAG_PLANARCONFIG, 1);
-        TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, H);
         TIFFSetField(t, TIFFTAG_ORIENTATION, orientation);
         TIFFWriteEncodedStrip(t, 0, rgb, sizeof rgb);
         TIFFClose(t);
     } else {
-        for (int i = 0; i < W * H; i++) {
-            memcpy(rgba + 4 * i, rgb + 3 * i, 3);
-            rgba[4 * i + 3] = 255;
-        }
+        fill_rgba(rgba);
         encode_webp(&b, rgba, true);
         put(&c, "RIFF", 4);
         put_le(&c, 4 + 18 + (b.n - 12) + 8 + sizeof exif6, 4);
@@ -659,7 +642,7 @@ TEST_IN_FOLDER(pictures_should_be_turned_as_their_exif_says)
             uint8_t rgb[3 * W * H];
             saga_picture_look look;
 
-            assert_done(look_and_read(path, rgb, &look, &error));
+            assert_done(look_and_read(path, W, H, rgb, &look, &error));
             assert_int_equal(look.orientation, o);
             check_close(rgb, path, k ? 0 : 6);
             if (o < 5)
@@ -674,35 +657,25 @@ TEST_IN_FOLDER(pictures_should_be_turned_as_their_exif_says)
         }
 }
 
-static void write_calibration(folder *f, int w, int h, const char *picture)
-{
-    bytes b = { 0 };
-
-    put_text(&b,
-             "{\"w\": %d, \"h\": %d, \"fl_x\": 30, \"frames\": "
-             "[{\"file_path\": \"%s\", \"transform_matrix\": [[1,0,0,0]"
-             ",[0,1,0,0],[0,0,1,0]]}]}",
-             w, h, picture);
-    write_bytes(f, "transforms.json", &b);
-}
-
 /* The size of the calibration decides whether a picture is turned; one that
  * does not say that it is turned is refused. */
 TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
 {
     static const struct {
         int w, h;
-        const char *says;
+        const char *top, *says;
     } sizes[] = {
-        { W, H, "used as they are stored" },
-        { H, W, "are turned" },
+        { W, H, "\"w\": 32, \"h\": 16, ", "used as they are stored" },
+        { H, W, "\"w\": 16, \"h\": 32, ", "are turned" },
     };
+    const char *name;
 
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 2; i++) {
             FREED_BY(saga_capture_free) saga_capture c = { 0 };
 
-            write_calibration(f, sizes[i].w, sizes[i].h, write_turned(f, k, 6));
+            name = write_turned(f, k, 6);
+            write_json(f, sizes[i].top, &name, 1);
             c = load(f->path);
             assert_int_equal(c.views[0].width, sizes[i].w);
             assert_int_equal(c.views[0].height, sizes[i].h);
@@ -711,6 +684,7 @@ TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
             assert_non_null(strstr(c.notes, "ask to be shown turned: 1 "));
             assert_non_null(strstr(c.notes, sizes[i].says));
         }
-    write_calibration(f, H, W, write_turned(f, 0, 1));
+    name = write_turned(f, 0, 1);
+    write_json(f, sizes[1].top, &name, 1);
     refused(f->path, "transforms.json", "width and height are exchanged");
 }

@@ -4,8 +4,7 @@
  * libtiff can hold. The pixels are those of a formula, or the file is refused
  * by the name of what it holds.
  */
-#include "capture_files.h"
-#include "picture.h"
+#include "picture_files.h"
 #include "testing.h"
 
 #include <tiffio.h>
@@ -195,16 +194,6 @@ static void write_tiff(const char *path, const row *r)
     TIFFClose(t);
 }
 
-static bool read_tiff(const char *path, uint8_t *rgb, saga_error *error)
-{
-    saga_picture_look look;
-
-    return saga_picture_probe(path, &look, error) &&
-           saga_picture_read(path,
-                             &(saga_picture_wish){ .width = W, .height = H },
-                             rgb, error);
-}
-
 enum {
     NONE = COMPRESSION_NONE,
     LZW = COMPRESSION_LZW,
@@ -289,6 +278,7 @@ TEST_IN_FOLDER(tiff_should_be_read_or_refused_by_name)
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         const row *const r = &rows[i];
         saga_error error = { "" };
+        saga_picture_look look;
         uint8_t rgb[3 * W * H] = { 0 };
         bool ok;
 
@@ -297,7 +287,7 @@ TEST_IN_FOLDER(tiff_should_be_read_or_refused_by_name)
             continue;
         }
         write_tiff(path, r);
-        ok = read_tiff(path, rgb, &error);
+        ok = look_and_read(path, W, H, rgb, &look, &error);
         if (ok == (r->refused != NULL))
             fail_msg("%s: %s", r->name, ok ? "was read" : error.message);
         for (int k = 0; ok && r->extra == 0 && k < 3 * W * H; k++) {
@@ -323,6 +313,7 @@ TEST_IN_FOLDER(tiff_should_be_refused_when_it_is_damaged)
 
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
         for (size_t k = 0; k < sizeof names / sizeof names[0]; k++) {
+            saga_picture_look look;
             uint8_t rgb[3 * W * H];
             saga_bytes whole;
 
@@ -338,7 +329,8 @@ TEST_IN_FOLDER(tiff_should_be_refused_when_it_is_damaged)
 
                 put(&b, whole.data, n);
                 write_bytes(f, "b.tif", &b);
-                assert_false(read_tiff(folder_file(f, "b.tif"), rgb, &error));
+                assert_false(look_and_read(folder_file(f, "b.tif"), W, H, rgb,
+                                           &look, &error));
                 assert_says(&error, "TIFF is damaged");
             }
             saga_bytes_free(&whole);
@@ -397,6 +389,7 @@ TEST_IN_FOLDER(tiff_of_old_jpeg_should_be_read_and_unknown_ones_refused)
     for (int i = 0; i < 3; i++) {
         const char *const path = folder_file(f, "a.tif");
         uint8_t rgb[3 * W * H] = { 0 };
+        saga_picture_look look;
         saga_error error = { "" };
         bool ok;
 
@@ -404,7 +397,7 @@ TEST_IN_FOLDER(tiff_of_old_jpeg_should_be_read_and_unknown_ones_refused)
                           !kinds[i].refused)
             continue;
         write_old_jpeg(f, "a.tif", kinds[i].compression);
-        ok = read_tiff(path, rgb, &error);
+        ok = look_and_read(path, W, H, rgb, &look, &error);
         if (kinds[i].refused) {
             assert_false(ok);
             assert_says(&error, kinds[i].refused);

@@ -143,6 +143,17 @@ static inline void put_f32(bytes *b, double x)
     put_le(b, bits, 4);
 }
 
+/* Appends the header of an .npy of version 1. */
+static inline void put_npy(bytes *b, const char *type, const char *order,
+                           const char *shape)
+{
+    put(b, "\x93NUMPY\1\0", 8);
+    put_le(b, 118, 2);
+    put_text(b, "{'descr': '%s', 'fortran_order': %s, 'shape': (%s), }%*s\n",
+             type, order, shape,
+             (int)(70 - strlen(type) - strlen(order) - strlen(shape)), "");
+}
+
 /* Writes the first n of the bytes to a file. */
 static inline void write_part(folder *f, const char *name, const bytes *b,
                               size_t n)

@@ -54,13 +54,16 @@ static inline int grey_of(int frame)
 }
 
 /* Writes a camera for each name; all look in the same direction. `top` has more
- * entries of the file, each with a comma behind it. */
+ * entries of the file, each with a comma behind it; without a focal length or
+ * an angle, that of 30 pixels is added. */
 static inline void write_json(folder *f, const char *top,
                               const char *const *names, int n)
 {
     bytes b = { 0 };
 
-    put_text(&b, "{\"fl_x\": 30, %s\"frames\": [", top);
+    put_text(&b, "{%s%s\"frames\": [",
+             strstr(top, "fl_") || strstr(top, "angle") ? "" : "\"fl_x\": 30, ",
+             top);
     for (int i = 0; i < n; i++)
         put_text(&b,
                  "%s{\"file_path\": \"%s\", \"transform_matrix\": "
