@@ -650,7 +650,9 @@ static void prepare_write(data *d, gen_rng *r)
 /* Makes primitives in front of the camera that move, turn and fade. */
 static void prepare_prims(data *d, gen_rng *r)
 {
-    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1, 0 };
+    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 },
+                                      3,  1,  1,  sizeof(saga_primitive),
+                                      0 };
 
     d->format = format;
     gen_front_camera(&d->camera, WIDE, HIGH);
@@ -778,7 +780,7 @@ static void take_apart(struct whole *w)
     stride = m->width[SAGA_NET_COLOUR];
     w->prims = need(n, sizeof *w->prims);
     w->colours = need(n, (stride + 3) * sizeof *w->colours);
-    saga_reconstruct(&w->parts.sc, w->prims, w->colours,
+    saga_reconstruct(&w->parts.sc, w->prims, sizeof *w->prims, w->colours,
                      m->tools & SAGA_TOOL_VIEW ? stride : 3);
     check(error.message,
           ref_scene_make(&w->scene, &w->parts, w->prims, w->colours, &error));

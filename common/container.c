@@ -88,7 +88,7 @@ static void model_fields(saga_io *f, saga_model *m)
         tier_fields(f, &m->tier[i]);
     for (i = 0; i < SAGA_N_STEPS; i++)
         u32(f, &m->step_q16[i]);
-    for (i = 0; i < SAGA_N_OUTS; i++)
+    for (i = 0; i < SAGA_HEADER_OUTS; i++)
         u8(f, &m->out_q[i]);
     network_fields(f, m, 0, SAGA_NET_QUERY);
     u16(f, &m->bank_slots);
@@ -102,6 +102,9 @@ void saga_header_io(saga_io *f, saga_header *h)
 {
     int i;
 
+    /* Fields of absent tools are 0. */
+    if (!f->out)
+        *h = (saga_header){ 0 };
     u32(f, &h->header_nbytes);
     u8(f, &h->level);
     u8(f, &h->more_layers);
@@ -125,12 +128,7 @@ void saga_header_io(saga_io *f, saga_header *h)
 void saga_tools_io(saga_io *f, saga_header *h)
 {
     saga_model *const m = &h->model;
-    int i;
 
-    for (i = SAGA_NET_QUERY; !f->out && i < SAGA_N_NETS; i++)
-        m->width[i] = m->q_in[i] = m->int8[i] = 0;
-    if (!f->out)
-        h->base.coarse = h->base.fine = h->base.prim = h->base_nbytes = 0;
     if (m->tools & SAGA_TOOL_BANK)
         network_fields(f, m, SAGA_NET_QUERY, SAGA_NET_RES);
     if (m->tools & SAGA_TOOL_HASH)

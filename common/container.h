@@ -7,10 +7,10 @@
  *     header | INDX | NETS | base: COAR FINE PRIM | NAME | EXPO | OPUS
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
- * The header consists of its fixed part, the bank's networks, the hash's
- * network and the base's sizes (each only with its tool), the cameras of the
- * rig, and a CRC. The head ends with the last chunk of the base. NAME, EXPO and
- * OPUS are optional; no pixel depends on them.
+ * The header consists of its fixed part, the fields of tools (each only with
+ * its tool), the cameras of the rig, and a CRC. The head ends with the last
+ * chunk of the base. NAME, EXPO and OPUS are optional; no pixel depends on
+ * them.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -23,15 +23,11 @@
 
 enum {
     SAGA_VERSION = 1,
-    SAGA_HEADER_NBYTES = 157 +
-                         SAGA_N_OUTS, /* fixed part: magic, version, a Q
-                                       * format for each output, and the rest */
-    SAGA_BANK_NBYTES = 15,            /* the bank's networks in the header */
-    SAGA_HASH_NBYTES = 3,             /* the hash's network in the header */
-    SAGA_BASE_NBYTES = 16,            /* the base's sizes in the header */
-    SAGA_HEADER_MAX_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES +
-                             SAGA_HASH_NBYTES + SAGA_BASE_NBYTES, /* with all
-                                                                   * of these */
+    SAGA_HEADER_NBYTES = 174, /* fixed part, with magic and version */
+    SAGA_HEADER_OUTS = SAGA_OUT_COLOUR + 1, /* outputs whose Q formats are in
+                                             * the fixed part; those of later
+                                             * outputs are fields of their
+                                             * tools */
     SAGA_CHUNK_NBYTES = 12, /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24, /* payload of SEGM with one layer */
@@ -41,6 +37,21 @@ enum {
     SAGA_SOUND_NBYTES = 4,    /* bytes of OPUS before its Ogg stream */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
+};
+
+/* Fields that tools add to the header after its fixed part, in the order of the
+ * file: the tool and its number of bytes. */
+#define SAGA_TOOL_FIELDS(X)    \
+    X(BANK, 15) /* networks */ \
+    X(HASH, 3)  /* network */  \
+    X(BASE, 16) /* sizes */
+
+#define SAGA_TOOL_NBYTES(tool, nbytes) +(nbytes)
+
+/* The largest header without cameras. */
+enum {
+    SAGA_HEADER_MAX_NBYTES = SAGA_HEADER_NBYTES SAGA_TOOL_FIELDS(
+        SAGA_TOOL_NBYTES)
 };
 
 #define SAGA_FOURCC(a, b, c, d)                                 \
@@ -81,10 +92,12 @@ typedef struct saga_header {
  * cameras, where the CRC is. */
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
-    return SAGA_HEADER_NBYTES +
-           (h->model.tools & SAGA_TOOL_BANK ? SAGA_BANK_NBYTES : 0u) +
-           (h->model.tools & SAGA_TOOL_HASH ? SAGA_HASH_NBYTES : 0u) +
-           (h->model.tools & SAGA_TOOL_BASE ? SAGA_BASE_NBYTES : 0u);
+#define NBYTES_IF_ON(tool, nbytes) \
+    +(h->model.tools & SAGA_TOOL_##tool ? (nbytes) : 0u)
+
+    return SAGA_HEADER_NBYTES SAGA_TOOL_FIELDS(NBYTES_IF_ON);
+
+#undef NBYTES_IF_ON
 }
 
 static inline uint32_t saga_rig_end(const saga_header *h)
@@ -148,12 +161,11 @@ typedef struct saga_io {
 /* Each function reads or writes all fields of its structure; the buffer has the
  * sizes given above. Reading does not check values, and writing does not change
  * the structure.
- *   saga_header_io   the header's fixed part, without magic and version
- *   saga_tools_io    the fields after it: those of the bank, of the hash and
- *                    of the base, each only if its tool is on; otherwise they
- *                    are read as 0
- *   saga_segment_io  SEGM; nbytes of a single layer is not in the file and is
- *                    read as 0 */
+ *   saga_header_io   the header's fixed part, without magic and version.
+ * Reading sets all other fields to 0 saga_tools_io    the fields after it,
+ * SAGA_TOOL_FIELDS, each only if its tool is on. The fixed part must have been
+ * read before saga_segment_io  SEGM; nbytes of a single layer is not in the
+ * file and is read as 0 */
 void saga_header_io(saga_io *f, saga_header *h);
 void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);

@@ -34,7 +34,7 @@ typedef struct {
     uint8_t net, format, n;
     uint8_t most_q; /* see saga_rows */
     uint8_t order;  /* least motion order */
-    uint16_t tools; /* any of these SAGA_TOOL_* bits; 0: always */
+    uint32_t tools; /* any of these SAGA_TOOL_* bits; 0: always */
 } output;
 
 enum {

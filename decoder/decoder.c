@@ -212,7 +212,9 @@ static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
     }
     if (at != n)
         return SAGA_ERR_DATA;
-    saga_reconstruct(&sc, prims_of(dec) + first,
+    saga_reconstruct(&sc,
+                     saga_prim_to_set(prims_of(dec), first, dec->format.nbytes),
+                     dec->format.nbytes,
                      colours_of(dec) + (size_t)first * plan->colour_stride,
                      plan->colour_stride);
     return SAGA_OK;
@@ -225,7 +227,7 @@ static saga_status read_base(saga_decoder *dec, const uint8_t *bytes)
                                           h->base_nbytes, 0);
 
     if (s == SAGA_OK)
-        saga_stand_still(prims_of(dec), h->base.prim);
+        saga_stand_still(prims_of(dec), dec->format.nbytes, h->base.prim);
     return s;
 }
 
@@ -353,7 +355,7 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
         return SAGA_ERR_STATE;
     if (index >= n_prims(dec) || t < 0 || t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
-    saga_animate(out, &const_prims_of(dec)[index], &dec->format, t);
+    saga_animate(out, prim_of(dec, index), &dec->format, t);
     return SAGA_OK;
 }
 
@@ -369,7 +371,7 @@ saga_status saga_visible_at(saga_visible *out, uint32_t *n_out,
         t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
     for (i = first; i < first + n; i++)
-        if (saga_animate_visible(&out[n_visible].at, &const_prims_of(dec)[i],
+        if (saga_animate_visible(&out[n_visible].at, prim_of(dec, i),
                                  &dec->format, t))
             out[n_visible++].index = i;
     *n_out = n_visible;

@@ -46,7 +46,7 @@ static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
             for (i = 0; i < 3; i++)
                 seen->x[seen->n][i] = middle[i];
         else
-            saga_animate_mean(seen->x[seen->n], &const_prims_of(dec)[prim],
+            saga_animate_mean(seen->x[seen->n], prim_of(dec, prim),
                               &dec->format, SAGA_T_MID);
         seen->n++;
         return;
@@ -70,7 +70,7 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
     for (i = 0; i < n_prims(dec); i += SAGA_RUN) {
         const uint32_t left = n_prims(dec) - i;
         uint32_t at = i,
-                 visible = saga_splats(splats + n, prims_of(dec) + i,
+                 visible = saga_splats(splats + n, prim_of(dec, i),
                                        left < SAGA_RUN ? left : SAGA_RUN, &look,
                                        (saga_cpu)dec->cpu);
 

@@ -4,7 +4,7 @@
 #include "depth_sort.h"
 #include "fx.h"
 #include "fx_math.h"
-#include "primitive.h"
+#include "reconstruct.h"
 
 /* More than the weights of level 3 can need. With this limit, and that of
  * MAX_BASE_NBYTES for the base, the size of a head fits in 32 bits. */
@@ -139,13 +139,15 @@ static uint64_t lay_out(saga_plan *p, const saga_header *h,
                         uint32_t decoder_nbytes)
 {
     const uint32_t prims = h->base.prim + h->max.prim;
+    saga_prim_format format;
     uint64_t at = 0, anchors, view;
 
+    saga_prim_format_of(&format, &h->model);
     (void)region(&at, 1, decoder_nbytes);
     p->nets_at = region(&at, 1, p->nets.nbytes);
     p->models_at = region(&at, 1, sizeof(saga_models));
     p->vectors_at = region(&at, 1, sizeof(saga_vectors));
-    p->prims_at = region(&at, prims, sizeof(saga_primitive));
+    p->prims_at = region(&at, prims, format.nbytes);
     p->colours_at = region(&at, prims, 2u * p->colour_stride);
     anchors = lay_anchors(p, h, at);
     view = lay_view(p, prims, at);

@@ -21,6 +21,7 @@ void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
     f->motion_order = (uint8_t)saga_motion_order(m);
     f->has_slope = rows[SAGA_OUT_SLOPE].n != 0;
     f->has_width = rows[SAGA_OUT_WIDTH].n != 0;
+    f->nbytes = SAGA_PRIM_NBYTES;
     f->tools = m->tools;
 }
 
@@ -112,8 +113,14 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
         colour_q15[i] = colour_of(out[i], sc->model->out_q[SAGA_OUT_COLOUR]);
 }
 
-/* D_res corrects at most the 23 rows of F_geo and 32 of the colour. */
-enum { MAX_CORRECTIONS = 23 + 32 };
+/* D_res corrects the rows of F_geo, one for each 16-bit field of a primitive
+ * and one for its temporal centre, and at most 32 of the colour. */
+enum {
+    MAX_GEO = (sizeof(saga_primitive) - offsetof(saga_primitive, quat)) /
+                  sizeof(int16_t) +
+              1,
+    MAX_CORRECTIONS = MAX_GEO + 32
+};
 
 /* Primitives that pass through the networks together. */
 typedef struct {
@@ -207,8 +214,10 @@ static void set_colours(int16_t *colours, uint32_t stride,
     }
 }
 
-static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
-                           const run *r, const saga_rows rows[SAGA_N_OUTS])
+/* Sets the primitives of a run, with nbytes for each. */
+static void set_geometries(saga_primitive *prims, uint32_t nbytes,
+                           const saga_scaffold *sc, const run *r,
+                           const saga_rows rows[SAGA_N_OUTS])
 {
     uint32_t i, k;
 
@@ -217,13 +226,18 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
     correct(sc, SAGA_NET_GEO, r, 0);
     for (i = 0; i < r->n; i++) {
         const saga_fine *const parent = &sc->fine[r->fine[i]];
-        saga_primitive *const p = &prims[r->first + i];
+        uint8_t *const to = (uint8_t *)saga_prim_to_set(prims, r->first + i,
+                                                        nbytes);
+        saga_primitive p = { 0 };
 
-        set_geometry(p, sc->model, rows,
+        set_geometry(&p, sc->model, rows,
                      saga_out_point(&sc->net, SAGA_NET_GEO, i), &r->position[i],
                      &sc->coarse[parent->parent]);
         for (k = 0; k < 3; k++)
-            p->support[k] = parent->support[k];
+            p.support[k] = parent->support[k];
+        /* Fields after nbytes are those of absent tools. */
+        for (k = 0; k < nbytes; k++)
+            to[k] = ((const uint8_t *)&p)[k];
     }
 }
 
@@ -247,7 +261,7 @@ static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
 }
 
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
-                      int16_t *colours, uint32_t stride)
+                      uint32_t nbytes, int16_t *colours, uint32_t stride)
 {
     const uint32_t most = saga_net_points(
         sc->net.nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
@@ -264,25 +278,27 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
         while (r.n < most && r.first + r.n < sc->n.prim)
             fine = add_primitive(&r, sc, fine);
         set_corrections(&r, sc);
-        set_geometries(prims, sc, &r, rows);
+        set_geometries(prims, nbytes, sc, &r, rows);
         set_colours(colours, stride, sc, &r);
     }
 }
 
 /* Sets the temporal width so large that the primitives never fade: |dt| < 2^17
  * gives u <= 2 in Q16, and u^2 log2(e) rounds to 0. */
-void saga_stand_still(saga_primitive *prims, uint32_t n)
+void saga_stand_still(saga_primitive *prims, uint32_t nbytes, uint32_t n)
 {
     uint32_t i;
     int k;
 
     for (i = 0; i < n; i++) {
+        saga_primitive *const p = saga_prim_to_set(prims, i, nbytes);
+
         for (k = 0; k < 4; k++)
-            prims[i].slope[k] = 0;
+            p->slope[k] = 0;
         for (k = 0; k < 9; k++)
-            prims[i].motion[k] = 0;
-        prims[i].t_centre = SAGA_T_MID;
-        prims[i].log2_width_q10 = 32767;
+            p->motion[k] = 0;
+        p->t_centre = SAGA_T_MID;
+        p->log2_width_q10 = 32767;
     }
 }
 

@@ -13,15 +13,17 @@
 /* Sets the format in which a model's primitives are stored. */
 void saga_prim_format_of(saga_prim_format *f, const saga_model *m);
 
-/* Computes all primitives of sc. colours is (n.prim, stride): with
+/* Computes all primitives of sc. prims is an array with nbytes for each, at
+ * least those of the model's format. colours is (n.prim, stride): with
  * SAGA_TOOL_VIEW the pre-activations of the colour network's first layer, with
  * stride equal to its width; without it the colours, uint16_t in Q15, with
  * stride 3. */
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
-                      int16_t *colours, uint32_t stride);
+                      uint32_t nbytes, int16_t *colours, uint32_t stride);
 
-/* Makes prims[0..n) primitives of the base: removes all dependence on time. */
-void saga_stand_still(saga_primitive *prims, uint32_t n);
+/* Makes n primitives, with nbytes for each, primitives of the base: removes all
+ * dependence on time. */
+void saga_stand_still(saga_primitive *prims, uint32_t nbytes, uint32_t n);
 
 /* Visible primitives, at most saga_shade_points at a time. */
 typedef struct saga_seen {

@@ -12,7 +12,8 @@ static uint32_t splats_plain(saga_splat *s, const saga_primitive *p, uint32_t n,
     for (i = 0; i < n; i++) {
         saga_animated a;
 
-        if (!saga_animate_visible(&a, p + i, look->format, look->t) ||
+        if (!saga_animate_visible(&a, saga_prim_at(p, i, look->format->nbytes),
+                                  look->format, look->t) ||
             !saga_project(s, &a, look->camera, look->format->tools))
             continue;
         seen |= 1u << i;

@@ -18,9 +18,10 @@ typedef struct saga_look {
     int32_t t;                 /* 0..65535 */
 } saga_look;
 
-/* Computes the splats of those primitives p[0..n), n <= SAGA_RUN, that may
- * touch a pixel. Writes them consecutively to s, which has room for n, with all
- * fields except colour_q15. Bit i of the result is set if p[i] has a splat. */
+/* Computes the splats of those of n <= SAGA_RUN primitives, in an array with
+ * the format's size for each, that may touch a pixel. Writes them consecutively
+ * to s, which has room for n, with all fields except colour_q15. Bit i of the
+ * result is set if primitive i has a splat. */
 uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
                      const saga_look *look, saga_cpu cpu);
 

@@ -56,10 +56,10 @@ static inline saga_primitive *prims_of(saga_decoder *dec)
     return (saga_primitive *)(void *)block_at(dec, dec->plan.prims_at);
 }
 
-static inline const saga_primitive *const_prims_of(const saga_decoder *dec)
+static inline const saga_primitive *prim_of(const saga_decoder *dec, uint32_t i)
 {
-    return (const saga_primitive *)(const void *)const_at(dec,
-                                                          dec->plan.prims_at);
+    return (const saga_primitive *)(const void *)const_at(
+        dec, dec->plan.prims_at + i * dec->format.nbytes);
 }
 
 /* (primitives, plan.colour_stride) */

@@ -306,7 +306,8 @@ static void open_file(session *s, const char *name, const saga_bytes *b,
     stride = m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR] : 3;
     s->prims = need(s->file.sc.n.prim, sizeof *s->prims);
     s->colours = need(s->file.sc.n.prim, stride * sizeof *s->colours);
-    saga_reconstruct(&s->file.sc, s->prims, s->colours, stride);
+    saga_reconstruct(&s->file.sc, s->prims, sizeof *s->prims, s->colours,
+                     stride);
     if (!ref_scene_make(&s->scene, &s->file, s->prims, s->colours, &error))
         refuse(name, error.message);
     s->scene.nets.rounding = &s->rounding;

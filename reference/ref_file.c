@@ -219,7 +219,7 @@ bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
                          "the primitives", error);
     if (!*prim || !*colour)
         return false;
-    saga_reconstruct(&f->sc, *prim, *colour, stride);
+    saga_reconstruct(&f->sc, *prim, sizeof **prim, *colour, stride);
     return true;
 }
 

@@ -55,10 +55,10 @@ static void reconstruct(session *s, const part *p)
 {
     saga_primitive *const prim = s->e.prim + p->first;
 
-    saga_reconstruct(&p->file.sc, prim,
+    saga_reconstruct(&p->file.sc, prim, sizeof *prim,
                      s->e.colour + (size_t)p->first * s->e.stride, s->e.stride);
     if (p->file.is_base)
-        saga_stand_still(prim, p->file.sc.n.prim);
+        saga_stand_still(prim, sizeof *prim, p->file.sc.n.prim);
 }
 
 static bool take_apart(session *s, const uint8_t *bytes, size_t n,

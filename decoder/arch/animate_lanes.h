@@ -23,20 +23,21 @@ _Static_assert(offsetof(saga_primitive, x) == 0 &&
                    offsetof(saga_primitive, log2_width_q10) == 70,
                "WORDS");
 
-enum { WORDS = 9 }; /* words of 64 bits in a primitive */
+enum { WORDS = SAGA_PRIM_NBYTES / 8 }; /* words of 64 bits */
 
 /* LANES primitives. Each vector holds one word of all of them. */
 typedef struct {
     i64s word[WORDS];
 } prims;
 
-INLINE void load_prims(prims *to, const saga_primitive *p)
+/* Loads primitives with nbytes for each. */
+INLINE void load_prims(prims *to, const saga_primitive *p, size_t nbytes)
 {
     const uint8_t *const bytes = (const uint8_t *)p;
     int k;
 
     for (k = 0; k < WORDS; k++)
-        to->word[k] = load_each(bytes + 8 * k, sizeof *p);
+        to->word[k] = load_each(bytes + 8 * k, nbytes);
 }
 
 /* Returns the 32-bit field at byte `at` of each primitive; low (lanes.h). */

@@ -43,7 +43,7 @@ INLINE int project_lanes(lanes_splats *s, const saga_primitive *p,
     prims a;
     shapes t;
 
-    load_prims(&a, p);
+    load_prims(&a, p, f->nbytes);
     find_moment(&m, &a, f, look->t);
     s->q0 = q0_of(&a, f, &m);
     mean_of(x, &a, f, m.age);
@@ -82,7 +82,7 @@ INLINE uint32_t splats_lanes(saga_splat *to, const saga_primitive *p,
     for (k = 0; k < n; k += LANES) {
         lanes_splats s;
 
-        if (!project_lanes(&s, p + k, look))
+        if (!project_lanes(&s, saga_prim_at(p, k, look->format->nbytes), look))
             continue;
         for (i = 0; i < LANES; i++) {
             if (s.out[i] < 0)

@@ -10,11 +10,12 @@
 #include "project.h"
 #include "splats.h"
 
-enum { COUNT = 30000, N = 8 };
+enum { COUNT = 30000, N = 8, MOST_NBYTES = sizeof(saga_primitive) + 16 };
 
 static void any_format(saga_prim_format *f, gen_rng *r)
 {
     gen_hard_format(f, r);
+    f->nbytes += (uint8_t)(8 * gen_int(r, 0, 2));
     f->tools = gen_int(r, 0, 1) ? SAGA_TOOL_STEEP : 0;
 }
 
@@ -60,17 +61,21 @@ static int same_splat(const saga_splat *a, const saga_splat *b)
            a->x1 == b->x1 && a->y0 == b->y0 && a->y1 == b->y1;
 }
 
-/* Compares the two paths; returns the number of splats. */
+/* Compares the two paths; returns the number of splats. The array of a run has
+ * the format's distance from one primitive to the next. */
 static uint32_t compare(const saga_primitive *p, uint32_t n,
                         const saga_look *look)
 {
+    _Alignas(saga_primitive) uint8_t run[N * MOST_NBYTES] = { 0 };
     saga_splat got[N + 1], want[N + 1], canary;
     uint32_t n_want = 0, seen;
 
     memset(&canary, 0x5a, sizeof canary);
     for (uint32_t i = 0; i <= N; i++)
         got[i] = canary;
-    seen = saga_splats(got, p, n, look, cpu);
+    for (uint32_t i = 0; i < n; i++)
+        memcpy(run + i * look->format->nbytes, p + i, sizeof *p);
+    seen = saga_splats(got, (const saga_primitive *)(void *)run, n, look, cpu);
     for (uint32_t i = 0; i < n; i++) {
         saga_animated a;
         int is_splat;

@@ -102,7 +102,8 @@ static void decode(decoded *d, const given_view *v)
     d->prim = calloc(n, sizeof *d->prim);
     d->colour = calloc(n, SAGA_MAX_WIDTH * sizeof *d->colour);
     assert_true(d->prim && d->colour);
-    saga_reconstruct(&d->file.sc, d->prim, d->colour, SAGA_MAX_WIDTH);
+    saga_reconstruct(&d->file.sc, d->prim, sizeof *d->prim, d->colour,
+                     SAGA_MAX_WIDTH);
 }
 
 static void free_decoded(decoded *d)

@@ -19,7 +19,7 @@
 #include "freed.h"
 #include "head.h"
 #include "plan.h"
-#include "primitive.h"
+#include "reconstruct.h"
 #include "saga.h"
 
 #include <inttypes.h>
@@ -155,10 +155,11 @@ static void forget_segment(const player *p)
 {
     const size_t base = p->header.base.prim;
     const saga_plan *const plan = &p->plan;
+    saga_prim_format format;
 
+    saga_prim_format_of(&format, &p->header.model);
     paint_work(p, plan->models_at, plan->vectors_at);
-    paint_work(p, plan->prims_at + base * sizeof(saga_primitive),
-               plan->colours_at);
+    paint_work(p, plan->prims_at + base * format.nbytes, plan->colours_at);
     paint_work(p, plan->colours_at + 2 * base * plan->colour_stride,
                plan->work_nbytes);
 }

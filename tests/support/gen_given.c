@@ -82,7 +82,8 @@ saga_prim_format gen_given_format(uint32_t tools)
         .q_motion = { GIVEN_Q_MOTION, GIVEN_Q_MOTION, GIVEN_Q_MOTION },
         .motion_order = (uint8_t)(tools >> SAGA_TOOL_MOTION_SHIFT & 3),
         .has_slope = (tools & SAGA_TOOL_SLOPE) != 0,
-        .has_width = (tools & SAGA_TOOL_OPACITY_T) != 0
+        .has_width = (tools & SAGA_TOOL_OPACITY_T) != 0,
+        .nbytes = sizeof(saga_primitive)
     };
 }
 

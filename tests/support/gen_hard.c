@@ -138,6 +138,7 @@ void gen_hard_format(saga_prim_format *f, gen_rng *r)
     f->q_opacity = (uint8_t)gen_int(r, 0, 20);
     for (int i = 0; i < 3; i++)
         f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
+    f->nbytes = sizeof(saga_primitive);
     f->motion_order = (uint8_t)gen_int(r, 0, 3);
     f->has_slope = (uint8_t)gen_int(r, 0, 1);
     f->has_width = (uint8_t)gen_int(r, 0, 1);

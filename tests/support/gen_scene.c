@@ -13,9 +13,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-const saga_prim_format gen_still_format = {
-    .q_quat = 14, .q_slope = 14, .q_opacity = 12, .q_motion = { 14, 14, 14 }
-};
+const saga_prim_format gen_still_format = { .q_quat = 14,
+                                            .q_slope = 14,
+                                            .q_opacity = 12,
+                                            .q_motion = { 14, 14, 14 },
+                                            .nbytes = sizeof(saga_primitive) };
 
 gen_rng gen_seeded(uint64_t seed)
 {

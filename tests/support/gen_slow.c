@@ -72,7 +72,7 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
                                   .softmax_q8 = 1 };
     for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 16u << 16;
-    for (int i = 0; i < SAGA_N_OUTS; i++)
+    for (int i = 0; i < SAGA_HEADER_OUTS; i++)
         m->out_q[i] = 8;
     for (int i = 0; wide && i < SAGA_N_KINDS; i++)
         m->sources[i] |= SAGA_SOURCE_HYPER;

@@ -51,6 +51,11 @@ static void *array(size_t n, size_t size)
 
 /* --- Model --------------------------------------------------------------- */
 
+/* The tools of random streams are the attributes of format 1.0. A later tool is
+ * on only if the options say so, and draws its random numbers after all others,
+ * so that the stream of a seed never changes. */
+enum { RANDOM_TOOLS = 0x1f };
+
 static void make_level(saga_tier *l, uint64_t *r, int full)
 {
     l->n_groups = (uint8_t)gen_range(r, 1, SAGA_MAX_GROUPS);
@@ -115,8 +120,7 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     int i;
 
     m->tools = o->tools_fixed ? o->tools
-                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_PICTURE) &
-                                    SAGA_TOOLS_PICTURE;
+                              : (uint32_t)gen_range(r, 0, RANDOM_TOOLS);
     for (i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = (uint8_t)(gen_range(r, 0, 7) &
                                   (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT
@@ -135,7 +139,7 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         m->step_q16[i] = (uint32_t)gen_range(r, 16 << 16, 400 << 16);
     if (one_in(r, 8))
         m->step_q16[gen_range(r, 0, SAGA_N_STEPS - 1)] = 0xffffffffu;
-    for (i = 0; i < SAGA_N_OUTS; i++)
+    for (i = 0; i < SAGA_HEADER_OUTS; i++)
         m->out_q[i] = (uint8_t)gen_range(r, 6, 14);
     if (!o->picture && one_in(r, 4))
         m->out_q[gen_range(r, 0, SAGA_OUT_QUAT - 1)] = (uint8_t)gen_range(
@@ -166,7 +170,7 @@ static void model_for_picture(saga_model *m)
     m->lambda_t_q8 = 256;
     for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
-    for (int i = 0; i < SAGA_N_OUTS; i++)
+    for (int i = 0; i < SAGA_HEADER_OUTS; i++)
         m->out_q[i] = 11;
     m->out_q[SAGA_OUT_QUAT] = 14;
     for (int i = 0; i < SAGA_N_NETS; i++)
