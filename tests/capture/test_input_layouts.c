@@ -22,13 +22,6 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
                 1e-9);
 }
 
-TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
-{
-    write_model_bytes(f, "sparse/0", camera_alone);
-    write_pictures(f, "images", camera_alone, 0, 1);
-    check_same(f->path, "COLMAP, bytes", 1, LOSSLESS);
-}
-
 TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
 {
     /* Every picture is in the COLMAP model. */
@@ -271,22 +264,6 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
         snprintf(name, sizeof name, "COLMAP, pictures .%s", t[i].ending);
         check_same(f->path, name, 1, t[i].least);
     }
-}
-
-/* EXR pictures hold linear light; after conversion, the loaded 8 bits must be
- * those of the scene. */
-TEST_IN_FOLDER(exr_stills_should_be_the_scene)
-{
-    write_model(f, "sparse/0", camera_alone, 1);
-    folder_run(f, "mkdir images && sed -i s/png/exr/ sparse/0/images.txt");
-    for (int v = 0; v < N_VIEWS; v++) {
-        char name[40];
-
-        snprintf(name, sizeof name, "images/cam%02d.exr", v);
-        assert_done(saga_exr_write(folder_file(f, name), W, H,
-                                   saga_capture_frame(&scene, v, 0), &error));
-    }
-    check_same(f->path, "COLMAP, pictures .exr", 1, LOSSLESS);
 }
 
 TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)

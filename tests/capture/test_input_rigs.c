@@ -57,7 +57,7 @@ TEST_IN_FOLDER(neu3d_should_be_the_scene)
     write_videos(f, in_rgb);
     check_same(f->path, "Neu3D, poses_bounds.npy", N_FRAMES, LOSSLESS);
     folder_run(f, "rm poses_bounds.npy");
-    write_model_bytes(f, "sparse/0", camera_alone);
+    write_model(f, "sparse/0", camera_alone, 1);
     check_same(f->path, "Neu3D, COLMAP model", N_FRAMES, LOSSLESS);
 }
 

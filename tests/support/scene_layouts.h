@@ -171,46 +171,6 @@ static inline void write_model(folder *f, const char *root, name_fn *name,
     write_bytes(f, path, &points);
 }
 
-/* Writes a binary COLMAP model, without points. */
-static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
-{
-    bytes cameras = { 0 }, images = { 0 }, points = { 0 };
-    char part[80], path[120];
-
-    folder_run(f, "mkdir -p %s", root);
-    put_le(&cameras, N_VIEWS, 8);
-    put_le(&images, N_VIEWS, 8);
-    put_le(&points, 0, 8);
-    for (int v = 0; v < N_VIEWS; v++) {
-        const saga_source_view *const s = &scene.views[v];
-        const double lens[] = { s->fx, s->fy, s->cx, s->cy };
-        double q[4];
-
-        put_le(&cameras, (uint64_t)v + 1, 4);
-        put_le(&cameras, 1, 4); /* PINHOLE */
-        put_le(&cameras, W, 8);
-        put_le(&cameras, H, 8);
-        quaternion_of(s->rotation, q);
-        put_le(&images, (uint64_t)v + 7, 4);
-        for (int i = 0; i < 4; i++) {
-            put_f64(&cameras, lens[i]);
-            put_f64(&images, q[i]);
-        }
-        for (int i = 0; i < 3; i++)
-            put_f64(&images, s->translation[i]);
-        put_le(&images, (uint64_t)v + 1, 4);
-        name(part, v, 0);
-        put(&images, part, strlen(part) + 1);
-        put_le(&images, 0, 8);
-    }
-    snprintf(path, sizeof path, "%s/cameras.bin", root);
-    write_bytes(f, path, &cameras);
-    snprintf(path, sizeof path, "%s/images.bin", root);
-    write_bytes(f, path, &images);
-    snprintf(path, sizeof path, "%s/points3D.bin", root);
-    write_bytes(f, path, &points);
-}
-
 /* Appends the pose of a view in the convention of transforms.json. */
 static inline void put_pose(bytes *b, int view)
 {

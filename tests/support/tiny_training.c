@@ -4,6 +4,11 @@
  */
 #include "tiny_training.h"
 
+#include "fit_state.h"
+#include "start.h"
+#include "train_state.h"
+#include "view.h"
+
 #include <unistd.h>
 
 static void remove_folder(const char *folder)
@@ -110,6 +115,50 @@ trained tiny_finish(saga_train *t)
 trained tiny_train(const saga_capture *c, const saga_train_options *o)
 {
     return tiny_finish(tiny_begin(c, o));
+}
+
+void tiny_begin_fit(saga_train *t)
+{
+    saga_fit_free(t->fit);
+    saga_params_free(&t->target);
+    saga_scene_free(&t->scene);
+    assert_done(saga_train_begin_fit(t, &error));
+    assert_done(saga_fit_start(t->fit, &t->target, &error));
+}
+
+double tiny_start_psnr(saga_train *t)
+{
+    FREED_BY(saga_canvas_free) saga_canvas c;
+    saga_twin *const w = &t->fit->twin;
+    const uint32_t prims = t->scene.n.prim;
+    double sum = 0;
+    int n = 0;
+
+    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
+    for (int view = 0; view < t->capture->n_views; view++)
+        for (int frame = 0; frame < t->capture->n_frames; frame++, n++) {
+            const saga_sample p = { .view = view, .frame = frame };
+
+            saga_pictures_aim(&c, &t->pictures, p);
+            assert_done(saga_splat_forward(&c, &t->target, prims, &error));
+            memcpy(c.truth, c.image, TINY_PICTURE * sizeof *c.truth);
+            saga_twin_colour(w, &t->fit->used, c.camera.centre);
+            assert_done(saga_splat_forward(&c, &w->attr, prims, &error));
+            sum += saga_canvas_mse(&c);
+        }
+    return -10 * log10(sum / n);
+}
+
+void tiny_draw(uint8_t rgb[TINY_PICTURE], const uint8_t *bytes, size_t n,
+               uint32_t frame)
+{
+    FREED_BY(saga_film_close) saga_film film;
+    saga_camera camera;
+    uint32_t number;
+
+    assert_done(saga_film_open(&film, "x", bytes, n, 1, &error));
+    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
+    assert_done(saga_film_draw(&film, &camera, frame, 1, rgb, &error));
 }
 
 bool tiny_same(const trained *a, const trained *b)

@@ -37,6 +37,27 @@ void tiny_close(tiny *t);
     }                                                             \
     TEST_GROUP(open_##name, close_##name)
 
+/* Declares a capture of five frames, and the file that tiny_defaults() makes of
+ * it. */
+#define TRAINED_GROUP(name, file)                                 \
+    static tiny name;                                             \
+    static trained file;                                          \
+    static int open_##name(void **state __attribute__((unused)))  \
+    {                                                             \
+        const saga_train_options o = tiny_defaults();             \
+                                                                  \
+        tiny_open(&name, 5);                                      \
+        file = tiny_train(&name.capture, &o);                     \
+        return 0;                                                 \
+    }                                                             \
+    static int close_##name(void **state __attribute__((unused))) \
+    {                                                             \
+        free(file.bytes);                                         \
+        tiny_close(&name);                                        \
+        return 0;                                                 \
+    }                                                             \
+    TEST_GROUP(open_##name, close_##name)
+
 /* Returns the capture that `s` makes, and removes its files. */
 saga_capture tiny_capture(const saga_synth_options *s);
 
@@ -61,6 +82,17 @@ saga_train *tiny_resume(const saga_capture *c, const saga_train_options *o);
 /* Runs the training to its end, and frees it. */
 trained tiny_finish(saga_train *t);
 trained tiny_train(const saga_capture *c, const saga_train_options *o);
+
+/* Begins the fit of a training in its rendering stage again. */
+void tiny_begin_fit(saga_train *t);
+/* Returns the PSNR, over all views and frames, of the pictures of the scene
+ * with which the fit starts against those of the warm-up's primitives. */
+double tiny_start_psnr(saga_train *t);
+
+/* Draws a frame of a file as its first camera sees it. */
+enum { TINY_PICTURE = 3 * 64 * 36 };
+void tiny_draw(uint8_t rgb[TINY_PICTURE], const uint8_t *bytes, size_t n,
+               uint32_t frame);
 
 /* Returns whether bytes and reported choice of sources are equal. */
 bool tiny_same(const trained *a, const trained *b);

@@ -21,7 +21,7 @@
  * long. */
 static int stride(void)
 {
-    return testing_sanitized() ? 17 : 1;
+    return !testing_sanitized() ? 1 : testing_long() ? 17 : 41;
 }
 
 typedef struct {

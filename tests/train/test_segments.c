@@ -7,17 +7,15 @@
 #include "container.h"
 #include "fit_state.h"
 #include "saga.h"
-#include "start.h"
 #include "still.h"
 #include "testing.h"
 #include "tiny_training.h"
 #include "train_state.h"
-#include "view.h"
 
 #include <unistd.h>
 
 /* The middle segment is trained first. */
-enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
+enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = TINY_PICTURE };
 
 typedef struct {
     tiny room;
@@ -168,17 +166,6 @@ static saga_segment find(const fixture *f, uint32_t num, uint32_t den)
     return seg;
 }
 
-static void draw(uint8_t *rgb, const uint8_t *bytes, size_t n, uint32_t frame)
-{
-    saga_camera camera;
-    FREED_BY(saga_film_close) saga_film film;
-    uint32_t number;
-
-    assert_done(saga_film_open(&film, "x", bytes, n, 1, &error));
-    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
-    assert_done(saga_film_draw(&film, &camera, frame, 1, rgb, &error));
-}
-
 static void segment_should_play_from_its_own_bytes(void **state)
 {
     const fixture *const f = *state;
@@ -193,8 +180,8 @@ static void segment_should_play_from_its_own_bytes(void **state)
         memcpy(alone, f->bytes, head);
         memcpy(alone + seg.offset, f->bytes + seg.offset, seg.nbytes);
         for (uint32_t k = 0; k < FRAMES; k++) {
-            draw(rgb, f->bytes, f->n, i * FRAMES + k);
-            draw(again, alone, f->n, i * FRAMES + k);
+            tiny_draw(rgb, f->bytes, f->n, i * FRAMES + k);
+            tiny_draw(again, alone, f->n, i * FRAMES + k);
             assert_memory_equal(rgb, again, sizeof rgb);
         }
     }
@@ -350,7 +337,8 @@ static double near_decoder(saga_train *t)
 
     for (int frame = 0; frame < FRAMES; frame++) {
         assert_done(saga_train_draw(t, image, 0, frame, &error));
-        draw(rgb, t->bytes, t->nbytes, (uint32_t)((N - 1) * FRAMES + frame));
+        tiny_draw(rgb, t->bytes, t->nbytes,
+                  (uint32_t)((N - 1) * FRAMES + frame));
         for (size_t i = 0; i < PICTURE; i++) {
             const double x = (double)image[i % 3 * (PICTURE / 3) + i / 3];
             const double e = fmin(fmax(x, 0), 1) - rgb[i] / 255.0;
@@ -399,29 +387,6 @@ static void networks_should_stay_what_they_are(void **state)
     saga_train_free(t);
 }
 
-/* Returns the PSNR between the pictures of the fit and those of the warm-up's
- * primitives. */
-static double near_target(saga_train *t)
-{
-    saga_twin *const w = &t->fit->twin;
-    FREED_BY(saga_canvas_free) saga_canvas c;
-    double sum = 0;
-
-    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
-    for (int v = 0; v < t->capture->n_views; v++) {
-        const saga_sample p = { .view = v, .frame = 1 };
-
-        saga_pictures_aim(&c, &t->pictures, p);
-        assert_done(
-            saga_splat_forward(&c, &t->target, t->scene.n.prim, &error));
-        memcpy(c.truth, c.image, PICTURE * sizeof *c.truth);
-        saga_twin_colour(w, &t->fit->used, c.camera.centre);
-        assert_done(saga_splat_forward(&c, &w->attr, t->scene.n.prim, &error));
-        sum += saga_canvas_mse(&c) / t->capture->n_views;
-    }
-    return -10 * log10(sum);
-}
-
 /* A fit with given networks must begin with features that draw the warm-up's
  * primitives far better than features at their mean do. */
 static void fit_should_begin_near_the_warm_up(void **state)
@@ -436,19 +401,15 @@ static void fit_should_begin_near_the_warm_up(void **state)
 
     o.lambda = 22;
     t = stopped(f, &s, &o, &start);
-    saga_fit_free(t->fit);
-    saga_params_free(&t->target);
-    saga_scene_free(&t->scene);
-    assert_done(saga_train_begin_fit(t, &error));
-    assert_done(saga_fit_start(t->fit, &t->target, &error));
-    begun = near_target(t);
+    tiny_begin_fit(t);
+    begun = tiny_start_psnr(t);
     scene = t->fit->scene;
     for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features; i++)
         scene->coarse_feature[i] =
             t->fit->rate.constants
                 .mean[SAGA_KIND_COARSE][4 + i % scene->model.features];
     saga_twin_geometry(&t->fit->twin, &t->fit->used, scene->coarse_feature);
-    mean = near_target(t);
+    mean = tiny_start_psnr(t);
     print_message("start: %.1f dB beside the warm-up's pictures, mean features "
                   "%.1f dB\n",
                   begun, mean);
@@ -479,7 +440,7 @@ static void peek_should_show(const fixture *f, int n_segments, bool end)
     assert_int_equal(info.n_segments, n_segments);
     assert_int_equal(info.n_frames, n_segments * FRAMES);
     for (uint32_t k = 0; k < info.n_frames; k++)
-        draw(rgb, bytes, n, k);
+        tiny_draw(rgb, bytes, n, k);
     if (end) {
         assert_int_equal(n, f->n);
         assert_memory_equal(bytes, f->bytes, n);

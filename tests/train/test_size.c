@@ -8,7 +8,6 @@
 #include "testing.h"
 #include "tiny_training.h"
 #include "train_state.h"
-#include "view.h"
 
 #include <unistd.h>
 
@@ -162,10 +161,8 @@ TEST(level_should_leave_out_the_faintest)
     saga_train_options o = tiny_options(N, TINY_WARM, TINY_RENDER);
     tiny_stop begun = { SAGA_TRAIN_RENDER, -1, 0, 0 };
     FREED real *all = NULL, *kept = NULL;
-    FREED_BY(saga_film_close) saga_film film;
-    uint8_t rgb[3 * 64 * 36];
-    saga_camera camera;
-    uint32_t number;
+    uint8_t rgb[TINY_PICTURE];
+    saga_info info;
     saga_train *t;
     trained r;
 
@@ -181,9 +178,8 @@ TEST(level_should_leave_out_the_faintest)
     r = tiny_finish(t);
     level_has = 100000;
     assert_int_equal(r.report.n_left_out, N - ROOM);
-    assert_done(saga_film_open(&film, "x", r.bytes, r.n, 1, &error));
-    assert_int_equal(film.info.max_primitives, ROOM);
-    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
-    assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
+    assert_ok(saga_probe(&info, r.bytes, r.n));
+    assert_int_equal(info.max_primitives, ROOM);
+    tiny_draw(rgb, r.bytes, r.n, 0);
     free(r.bytes);
 }

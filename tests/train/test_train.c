@@ -17,29 +17,7 @@
 
 /* --- Fixture ------------------------------------------------------------- */
 
-/* A capture of five frames, and the file of tiny_defaults(), never stopped. */
-static tiny room;
-static trained unstopped;
-
-static int set_up(void **state)
-{
-    const saga_train_options o = tiny_defaults();
-
-    (void)state;
-    tiny_open(&room, 5);
-    unstopped = tiny_train(&room.capture, &o);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    free(unstopped.bytes);
-    tiny_close(&room);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
+TRAINED_GROUP(room, unstopped);
 
 /* Trains until the stage begins; returns the training from its checkpoint. */
 static saga_train *train_until(saga_train_options *o, saga_train_stage stage)
@@ -357,32 +335,6 @@ static void add_fuse(saga_train *t)
     assert_true(saga_fit_start(t->fit, &t->target, &error));
 }
 
-/* Returns the mean squared difference, over all views and frames, between the
- * pictures of the scene with which the fit starts and those of the warm-up's
- * primitives. */
-static double start_error(saga_train *t)
-{
-    FREED_BY(saga_canvas_free) saga_canvas c;
-    saga_twin *const w = &t->fit->twin;
-    double sum = 0;
-    int n = 0;
-
-    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
-    for (int view = 0; view < t->capture->n_views; view++)
-        for (int frame = 0; frame < t->capture->n_frames; frame++, n++) {
-            const saga_sample p = { .view = view, .frame = frame };
-            const uint32_t prims = t->scene.n.prim;
-
-            saga_pictures_aim(&c, &t->pictures, p);
-            assert_done(saga_splat_forward(&c, &t->target, prims, &error));
-            memcpy(c.truth, c.image, 3 * 64 * 36 * sizeof *c.truth);
-            saga_twin_colour(w, &t->fit->used, c.camera.centre);
-            assert_done(saga_splat_forward(&c, &w->attr, prims, &error));
-            sum += saga_canvas_mse(&c);
-        }
-    return sum / n;
-}
-
 /* If bits cost nearly nothing, 16 features for each of 150 primitives must
  * reproduce the warm-up's pictures nearly exactly at the start of the fit. At a
  * higher price of bits the start keeps less, and its PSNR must be lower. */
@@ -393,17 +345,12 @@ TEST(fit_should_begin_where_the_warm_up_ends)
 
     for (int i = 0; i < 3; i++) {
         saga_train_options o = tiny_defaults();
-        saga_error error = { "" };
         saga_train *t;
 
         o.lambda = lambda[i];
         t = train_until(&o, SAGA_TRAIN_RENDER);
-        saga_fit_free(t->fit);
-        saga_params_free(&t->target);
-        saga_scene_free(&t->scene);
-        assert_true(saga_train_begin_fit(t, &error));
-        assert_true(saga_fit_start(t->fit, &t->target, &error));
-        psnr[i] = -10 * log10(start_error(t));
+        tiny_begin_fit(t);
+        psnr[i] = tiny_start_psnr(t);
         saga_train_free(t);
     }
     print_message("start: %.1f, %.1f, %.1f dB beside the warm-up's pictures\n",
@@ -442,17 +389,11 @@ static double worst_scale(const saga_train *t)
 static double picture_near(saga_train *t)
 {
     const saga_sample first = { 0 };
-    uint8_t rgb[3 * 64 * 36];
-    saga_camera camera;
+    uint8_t rgb[TINY_PICTURE];
     FREED_BY(saga_canvas_free) saga_canvas c;
-    saga_film film;
-    uint32_t number;
     double sum = 0;
 
-    assert_done(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
-    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
-    assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
-    saga_film_close(&film);
+    tiny_draw(rgb, t->bytes, t->nbytes, 0);
     assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
     saga_pictures_aim(&c, &t->pictures, first);
     saga_twin_colour(&t->decoded_twin, &t->decoded, c.camera.centre);
@@ -467,81 +408,68 @@ static double picture_near(saga_train *t)
     return -10 * log10(sum / (3 * 64 * 36));
 }
 
-/* The scene is tested with and without Fuse. Half an LSB of the outputs is at
- * most 0.0005; inputs and hidden units add to it (measured: 0.0014 and 0.0015).
- */
+/* Runs to the end, and checks that twin and decoder agree. Half an LSB of the
+ * outputs is at most 0.0005; inputs and hidden units add to it (measured:
+ * 0.0014 and 0.0015). */
+static void end_near_the_decoder(saga_train *t, const char *what)
+{
+    double worst, db;
+
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
+    worst = worst_scale(t);
+    db = picture_near(t);
+    print_message("%s: log2 scales within %.5f, a picture %.2f dB\n", what,
+                  worst, db);
+    assert_true(worst < 0.01);
+    assert_true(db > 57);
+}
+
 TEST(scene_should_be_near_the_integer_path)
 {
     for (int fuse = 0; fuse < 2; fuse++) {
         saga_train_options o = tiny_defaults();
-        saga_error error = { "" };
         saga_train *t;
-        double worst;
 
         o.lambda = 22;
         t = train_until(&o, SAGA_TRAIN_RENDER);
         if (fuse)
             add_fuse(t);
-        assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+        end_near_the_decoder(t, fuse ? "with Fuse" : "without Fuse");
         assert_int_equal(t->decoded.net[SAGA_NET_FUSE_C].n_layers, 2 * fuse);
         assert_int_equal(t->decoded.net[SAGA_NET_FUSE_F].n_layers, 2 * fuse);
-        worst = worst_scale(t);
-        print_message("%s Fuse: log2 scales within %.5f, a picture %.2f dB\n",
-                      fuse ? "with" : "without", worst, picture_near(t));
-        assert_true(worst < 0.01);
         assert_true(t->decoded.model.tools & SAGA_TOOL_VIEW);
-        assert_true(picture_near(t) > 57);
         saga_train_free(t);
     }
 }
 
-/* All parts of the paper's model must be in the file, and twin and decoder must
- * agree on it. Two primitives share a fine anchor. */
-TEST(paper_model_should_be_whole_and_near_the_integer_path)
+/* All parts of the paper's model must be in the file, but for those that are
+ * ablated, and twin and decoder must agree on it. Two primitives share a fine
+ * anchor. */
+TEST(paper_model_should_be_whole_or_lose_what_is_ablated)
 {
-    saga_train_options o = tiny_defaults();
-    const saga_model *m;
-    saga_error error = { "" };
-    saga_train *t;
-    double worst;
+    for (int without = 0; without < 2; without++) {
+        saga_train_options o = tiny_defaults();
+        const saga_model *m;
+        saga_train *t;
 
-    o.paper = true;
-    o.lambda = 22;
-    t = train_until(&o, SAGA_TRAIN_RENDER);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
-    m = &t->decoded.model;
-    assert_true(m->tools & SAGA_TOOL_HASH && m->tools & SAGA_TOOL_BANK);
-    assert_false(m->tools & SAGA_TOOL_PLAIN_WRITE);
-    for (int i = 0; i < SAGA_N_TIERS; i++)
-        assert_true(m->width[saga_fuse_net(i)] && m->tier[i].neighbours > 1);
-    assert_int_equal(t->decoded.n.prim, 150);
-    assert_true(t->decoded.n.fine <= 75 && t->decoded.n.coarse <= 38);
-    worst = worst_scale(t);
-    print_message("paper: log2 scales within %.5f, a picture %.2f dB\n", worst,
-                  picture_near(t));
-    assert_true(worst < 0.01);
-    assert_true(picture_near(t) > 57);
-    saga_train_free(t);
-}
-
-/* Each word must leave its part out of the paper's model. */
-TEST(paper_model_should_lose_what_is_ablated)
-{
-    saga_train_options o = tiny_defaults();
-    saga_error error = { "" };
-    const saga_model *m;
-    saga_train *t;
-
-    o.paper = true;
-    o.ablate = "no-bank,no-hash,no-fuse,nearest";
-    t = train_until(&o, SAGA_TRAIN_RENDER);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
-    m = &t->decoded.model;
-    assert_false(m->tools & (SAGA_TOOL_HASH | SAGA_TOOL_BANK));
-    for (int i = 0; i < SAGA_N_TIERS; i++)
-        assert_true(!m->width[saga_fuse_net(i)] && m->tier[i].neighbours == 1);
-    assert_true(t->decoded.n.fine <= 75);
-    saga_train_free(t);
+        o.paper = true;
+        o.lambda = 22;
+        if (without)
+            o.ablate = "no-bank,no-hash,no-fuse,nearest";
+        t = train_until(&o, SAGA_TRAIN_RENDER);
+        end_near_the_decoder(t, without ? "paper, ablated" : "paper");
+        m = &t->decoded.model;
+        assert_int_equal(!(m->tools & SAGA_TOOL_HASH), without);
+        assert_int_equal(!(m->tools & SAGA_TOOL_BANK), without);
+        assert_true(without || !(m->tools & SAGA_TOOL_PLAIN_WRITE));
+        for (int i = 0; i < SAGA_N_TIERS; i++) {
+            assert_int_equal(!m->width[saga_fuse_net(i)], without);
+            assert_int_equal(m->tier[i].neighbours == 1, without);
+        }
+        assert_int_equal(t->decoded.n.prim, 150);
+        assert_true(t->decoded.n.fine <= 75 && t->decoded.n.coarse <= 38);
+        saga_train_free(t);
+    }
 }
 
 /* A motion of 500 supports exceeds the format of 16 bits with 8 fractional
