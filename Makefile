@@ -125,9 +125,17 @@ TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC))) \
                trainer/code/quantise.c trainer/code/quantise_nets.c
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
+
+# Those that compute with vectors are compiled for further levels of x86-64, of
+# which the program chooses one when it starts (trainer/basics/isa.h).
+ISA_SRC := $(shell grep -lE '"(vec|wide|raster_tile).h"' $(TRAINER_SRC))
+ISA_LEVELS := $(if $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),3 4)
+ISA_OBJ := $(foreach n,$(ISA_LEVELS),$(patsubst %.c,$(OBJ)/v$(n)/%.o,\
+             $(if $(filter double,$(REAL)),\
+               $(filter-out $(TWICE_SRC),$(ISA_SRC)),$(ISA_SRC))))
 HELPER_OBJ := $(call obj,$(HELPER_SRC))
 REFERENCE_OBJ := $(call obj,$(REFERENCE_SRC))
-EVERY_OBJ := $(F64_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
+EVERY_OBJ := $(F64_OBJ) $(ISA_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
                $(REFERENCE_SRC) $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
 
 LIB     = $(BUILD)/libsaga.a
@@ -199,20 +207,9 @@ OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # SSE2 has no arithmetic shift of 64 bits: gcc's vector code is a tenth slower.
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
-# The trainer's floating-point code uses AVX2 (trainer/basics/vec.h) if this
-# machine has it and the compiler compiles for this machine. The files in WIDE
-# use AVX-512 (wide.h), which gives the same bits.
-WIDE = $(addprefix trainer/,splat/splat_raster splat/splat_raster_backward \
-         nn/dense)
-CPU_FLAGS := $(shell sed -n '/^flags/{p;q;}' /proc/cpuinfo 2>/dev/null)
-OWN := $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine))
-MARCH := $(if $(OWN),$(if $(filter avx2,$(CPU_FLAGS)),-march=x86-64-v3))
-AVX512 = avx512f avx512bw avx512cd avx512dq avx512vl
-WIDE_MARCH := $(if $(MARCH),$(if $(filter-out $(CPU_FLAGS),$(AVX512)),,\
-                -march=x86-64-v4))
-$(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
-$(addprefix $(OBJ)/trainer/measure/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT) $(MARCH)
-$(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
+$(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ) $(ISA_OBJ): OPT_LEVEL = $(HOT_OPT)
+$(addprefix $(OBJ)/trainer/measure/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT)
+$(ISA_SRC:%.c=$(OBJ)/%.o): ISA = -DSAGA_ISA=1
 
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
@@ -246,7 +243,7 @@ objects: $(filter-out $(if $(COMPILED),$(patsubst $(COMPILED)/%,$(BUILD)/%, \
            $(shell find $(COMPILED)/obj -name '*.o'))),$(EVERY_OBJ))
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
-$(TRAIN): $(TRAINER_OBJ)
+$(TRAIN): $(TRAINER_OBJ) $(ISA_OBJ)
 $(TWICE): $(F64_OBJ)
 $(PLAIN): $(call obj,$(PLAIN_TRAINER) tests/support/vectors.c)
 $(REFERENCE): $(REFERENCE_OBJ)
@@ -287,7 +284,16 @@ $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(REFERENCE_H)
 	$(call say,CC)
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE)) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE) $(ISA)) -c $< -o $@
+
+define ISA_RULE
+$(OBJ)/v$(1)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
+	$$(call say,CC)
+	@mkdir -p $$(@D)
+	$$(call COMPILE,$$(HOST) $$(OMP) $$(I_ROOM) -DSAGA_ISA=$(1)) \
+	    -march=x86-64-v$(1) -c $$< -o $$@
+endef
+$(foreach n,$(ISA_LEVELS),$(eval $(call ISA_RULE,$(n))))
 
 $(OBJ)/f64/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	$(call say,CC)
@@ -394,7 +400,7 @@ $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 # These two files are made again only if their contents change. Every object
 # depends on `flags`, which has the compiler and its flags, and every library on
 # `sources`, which lists the source files.
-FLAGS   := $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) $(SAN_FLAGS) \
+FLAGS   := $(CC) $(WARN) $(OPT) $(HOT_OPT) $(SAN_FLAGS) \
            $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) $(LEVEL)
 SOURCES := $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(REFERENCE_SRC) \
            $(HELPER_SRC) $(WEB_FILES)
@@ -580,7 +586,7 @@ sanitize:
 COMMANDS = compile_commands.json
 $(COMMANDS): $(SAGA_H) $(REFERENCE_H) FORCE
 	@$(MAKE) --no-print-directory -Bn objects | awk -v dir='$(CURDIR)' ' \
-	    / -c / && !/\/f64\// { \
+	    / -c / && !/\/(f64|v3|v4)\// { \
 	        file = $$0; sub(/.* -c /, "", file); sub(/ .*/, "", file); \
 	        gsub(/["\\]/, "\\\\&"); \
 	        printf "%s{ \"directory\": \"%s\", \"file\": \"%s\",\n" \
@@ -703,10 +709,8 @@ compare: setup
 # Measures the time and the error of every operator of the decoder, in integers
 # with and without vector instructions and in float, and the errors of other
 # number formats. Writes docs/results/numerics.md, .json and plots. SCENES has
-# files that are verified in addition to the demo. The trainer's code is
-# compiled without AVX-512, which valgrind does not support.
-NUMERICS = $(MAKE) --no-print-directory OPT=-O3 CFLAGS=-march=x86-64-v3 \
-           WIDE_MARCH=
+# files that are verified in addition to the demo.
+NUMERICS = $(MAKE) --no-print-directory OPT=-O3 CFLAGS=-march=x86-64-v3
 .PHONY: numerics
 numerics:
 	@tests/setup.sh plot

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Vectors of reals, by the GNU vector extension: 32 bytes where AVX2 is
- * compiled in, otherwise 16 (gcc 12 compiles longer ones badly). Results depend
- * only on the vector length of the build and on whether it has fused
+ * compiled in (isa.h), otherwise 16 (gcc 12 compiles longer ones badly).
+ * Results depend only on the vector length and on whether there is fused
  * multiply-add: the sources say which products are fused, and -ffp-contract=off
  * stops the compiler from fusing others.
  */

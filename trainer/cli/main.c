@@ -5,6 +5,7 @@
  */
 #include "cli.h"
 #include "commands.h"
+#include "isa.h"
 #include "presets_cli.h"
 #include "saga.h"
 #include "threads.h"
@@ -164,7 +165,11 @@ static void tame_threads(char **argv)
 
 int main(int argc, char **argv)
 {
+    saga_error error = { "" };
+
     tame_threads(argv);
+    if (!saga_isa_check(&error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s", error.message);
     saga_cli_catch_signals(saga_cli_end);
     return flushed(run_command(argc, argv));
 }

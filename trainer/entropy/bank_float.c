@@ -236,3 +236,11 @@ void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
     }
     d_write[n] = d_gate * g * (1 - g);
 }
+
+SAGA_ISA_CHOOSE(saga_bank_float_start);
+SAGA_ISA_CHOOSE(saga_bank_float_scratch);
+SAGA_ISA_CHOOSE(saga_bank_float_of);
+SAGA_ISA_CHOOSE(saga_bank_float_read);
+SAGA_ISA_CHOOSE(saga_bank_float_read_backward);
+SAGA_ISA_CHOOSE(saga_bank_float_update);
+SAGA_ISA_CHOOSE(saga_bank_float_update_backward);

@@ -10,6 +10,7 @@
 #ifndef SAGA_BANK_FLOAT_H
 #define SAGA_BANK_FLOAT_H
 
+#include "isa.h"
 #include "error.h"
 #include "real.h"
 
@@ -24,51 +25,53 @@ typedef struct saga_bank_float {
     real *weight, *d_weight; /* (queries of a chunk, L) */
 } saga_bank_float;
 
-#define saga_bank_float_start SAGA_REAL_NAME(saga_bank_float_start)
-#define saga_bank_float_scratch SAGA_REAL_NAME(saga_bank_float_scratch)
-#define saga_bank_float_of SAGA_REAL_NAME(saga_bank_float_of)
-#define saga_bank_float_read SAGA_REAL_NAME(saga_bank_float_read)
+#define saga_bank_float_start SAGA_ISA_NAME(saga_bank_float_start)
+#define saga_bank_float_scratch SAGA_ISA_NAME(saga_bank_float_scratch)
+#define saga_bank_float_of SAGA_ISA_NAME(saga_bank_float_of)
+#define saga_bank_float_read SAGA_ISA_NAME(saga_bank_float_read)
 #define saga_bank_float_read_backward \
-    SAGA_REAL_NAME(saga_bank_float_read_backward)
-#define saga_bank_float_update SAGA_REAL_NAME(saga_bank_float_update)
+    SAGA_ISA_NAME(saga_bank_float_read_backward)
+#define saga_bank_float_update SAGA_ISA_NAME(saga_bank_float_update)
 #define saga_bank_float_update_backward \
-    SAGA_REAL_NAME(saga_bank_float_update_backward)
+    SAGA_ISA_NAME(saga_bank_float_update_backward)
 
 /* Sets the start state S_0 to that of the integer bank. Returns false with
  * *error set if memory is short. */
-bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
-                           saga_error *error);
+extern bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
+                                  saga_error *error);
 
 /* Returns the number of reals that saga_bank_float_of needs as scratch. Each
  * thread has a scratch of its own. */
-size_t saga_bank_float_scratch(size_t n_slots, size_t width);
+extern size_t saga_bank_float_scratch(size_t n_slots, size_t width);
 
 /* Returns a bank to read with this state. It is transposed into scratch, which
  * has to live as long as the bank. */
-saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
-                                   size_t width, real *scratch);
+extern saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
+                                          size_t width, real *scratch);
 
 /* Sets out (n, D) to what queries (n, D) read. */
-void saga_bank_float_read(real *out, const saga_bank_float *b,
-                          const real *query, size_t n);
+extern void saga_bank_float_read(real *out, const saga_bank_float *b,
+                                 const real *query, size_t n);
 
 /* Sets d_query (n, D), the gradients of queries, and adds those of the state to
  * d_state (L, D). */
-void saga_bank_float_read_backward(real *d_query, real *d_state,
-                                   const saga_bank_float *b, const real *d_out,
-                                   const real *query, size_t n);
+extern void saga_bank_float_read_backward(real *d_query, real *d_state,
+                                          const saga_bank_float *b,
+                                          const real *d_out, const real *query,
+                                          size_t n);
 
 /* Sets `to` (n) to slot s after a write. write holds the candidate v (n), then
  * w, whose gate is g = sigmoid(w).
  *     orthogonal (plain = 0)  Norm(s + g (v - <v, s> s))
  *     plain                   Norm(s + g v)
  * A sum of zero leaves the slot unchanged. to must not overlap s. */
-void saga_bank_float_update(real *to, const real *s, const real *write,
-                            size_t n, int plain);
+extern void saga_bank_float_update(real *to, const real *s, const real *write,
+                                   size_t n, int plain);
 
 /* Replaces d, the gradient of the updated slot, by that of the slot s before
  * the update. Sets d_write (n + 1). */
-void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
-                                     const real *write, size_t n, int plain);
+extern void saga_bank_float_update_backward(real *d, real *d_write,
+                                            const real *s, const real *write,
+                                            size_t n, int plain);
 
 #endif

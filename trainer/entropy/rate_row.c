@@ -114,3 +114,5 @@ void saga_rate_cost_row(saga_rate_row *r, size_t n)
 }
 
 #endif
+
+SAGA_ISA_CHOOSE(saga_rate_cost_row);

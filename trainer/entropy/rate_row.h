@@ -14,6 +14,7 @@
 #ifndef SAGA_RATE_ROW_H
 #define SAGA_RATE_ROW_H
 
+#include "isa.h"
 #include "real.h"
 #include "model.h"
 
@@ -30,9 +31,9 @@ typedef struct saga_rate_row {
     real bits[SAGA_RATE_ROW], d_v[SAGA_RATE_ROW], d_log2_sigma[SAGA_RATE_ROW];
 } saga_rate_row;
 
-#define saga_rate_cost_row SAGA_REAL_NAME(saga_rate_cost_row)
+#define saga_rate_cost_row SAGA_ISA_NAME(saga_rate_cost_row)
 
 /* Sets bits and derivatives of the first n values. */
-void saga_rate_cost_row(saga_rate_row *r, size_t n);
+extern void saga_rate_cost_row(saga_rate_row *r, size_t n);
 
 #endif

@@ -252,3 +252,8 @@ bool saga_pool_max(saga_planes *out, const saga_planes *in, int size,
                 *to++ = largest(in, p, y * stride, x * stride, size);
     return true;
 }
+
+SAGA_ISA_CHOOSE(saga_conv_pack);
+SAGA_ISA_CHOOSE(saga_conv_free);
+SAGA_ISA_CHOOSE(saga_conv_run);
+SAGA_ISA_CHOOSE(saga_pool_max);

@@ -7,10 +7,16 @@
 #ifndef SAGA_CONV_H
 #define SAGA_CONV_H
 
+#include "isa.h"
 #include "error.h"
 
 #include <stdbool.h>
 #include <stddef.h>
+
+#define saga_conv_pack SAGA_ISA_NAME(saga_conv_pack)
+#define saga_conv_free SAGA_ISA_NAME(saga_conv_free)
+#define saga_conv_run SAGA_ISA_NAME(saga_conv_run)
+#define saga_pool_max SAGA_ISA_NAME(saga_pool_max)
 
 enum { SAGA_CONV_GROUP = 4 }; /* output planes computed together */
 
@@ -33,21 +39,22 @@ typedef struct saga_conv {
 /* Packs weights (n_out, n_in, size, size) and biases (n_out), which are copied.
  * The caller has set all sizes of c. saga_conv_free releases the copy. Fails if
  * memory is short. */
-bool saga_conv_pack(saga_conv *c, const double *weight, const double *bias,
-                    saga_error *error);
-void saga_conv_free(saga_conv *c);
+extern bool saga_conv_pack(saga_conv *c, const double *weight,
+                           const double *bias, saga_error *error);
+extern void saga_conv_free(saga_conv *c);
 
 /* Computes out = max(0, bias + weight * in), where `in` is padded with zeros.
  * in->n must be c->n_in. Allocates out->v. Returns false with an error if
  * memory is short; returns true and leaves out->v NULL if *in is so small that
  * no pixel remains. */
-bool saga_conv_run(saga_planes *out, const saga_conv *c, const saga_planes *in,
-                   int n_threads, saga_error *error);
+extern bool saga_conv_run(saga_planes *out, const saga_conv *c,
+                          const saga_planes *in, int n_threads,
+                          saga_error *error);
 
 /* Takes the maxima of size x size windows, `stride` apart. A last window that
  * is not full counts if `ceil`. Memory and pictures that are too small are
  * treated as in saga_conv_run. */
-bool saga_pool_max(saga_planes *out, const saga_planes *in, int size,
-                   int stride, bool ceil, saga_error *error);
+extern bool saga_pool_max(saga_planes *out, const saga_planes *in, int size,
+                          int stride, bool ceil, saga_error *error);
 
 #endif

@@ -193,3 +193,6 @@ bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
                                  .ns = STEP_NS * (double)n });
     return true;
 }
+
+SAGA_ISA_CHOOSE(saga_adam_default);
+SAGA_ISA_CHOOSE(saga_adam_update);

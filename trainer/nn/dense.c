@@ -18,11 +18,6 @@ enum { ROWS = 4 };
 
 enum { CHUNK = 64 };
 
-size_t saga_dense_pad(size_t n)
-{
-    return (n + VEC_LANES - 1) / VEC_LANES * VEC_LANES;
-}
-
 static vec rectify(vec x)
 {
     return vec_max(x, vec_zero());
@@ -269,3 +264,7 @@ void saga_dense_bias_backward(real *db, const saga_dense_rows *dy)
         for (i = 0; i < dy->n; i++)
             db[o] += dy->at[i * dy->stride + o];
 }
+
+SAGA_ISA_CHOOSE(saga_dense_forward);
+SAGA_ISA_CHOOSE(saga_dense_backward);
+SAGA_ISA_CHOOSE(saga_dense_bias_backward);

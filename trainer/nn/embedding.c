@@ -122,3 +122,5 @@ void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
     for (i = 0; i < m; i++)
         embed(y + i * stride, u + i * (size_t)n_axes, n_axes, octaves);
 }
+
+SAGA_ISA_CHOOSE(saga_embedding_forward);

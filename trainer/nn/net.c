@@ -5,7 +5,6 @@
 #include "dense.h"
 #include "rng.h"
 #include "threads.h"
-#include "vec.h"
 
 #include <assert.h>
 #include <math.h>
@@ -277,9 +276,8 @@ static void rectify_backward(real *d, const real *active, size_t n)
 {
     size_t i;
 
-    for (i = 0; i < n; i += VEC_LANES)
-        vec_store(d + i, vec_and((veci)(vec_load(active + i) > vec_zero()),
-                                 vec_load(d + i)));
+    for (i = 0; i < n; i++)
+        d[i] = active[i] > 0 ? d[i] : 0;
 }
 
 /* Returns the padded input of layer l for n points from begin on, copied to

@@ -44,3 +44,5 @@ void saga_splat_raster_forward(saga_canvas *canvas)
 
     do_tiles(draw_tile, &p, 1);
 }
+
+SAGA_ISA_CHOOSE(saga_splat_raster_forward);

@@ -374,3 +374,7 @@ double saga_splat_raster_learn(saga_canvas *canvas)
         sum += canvas->splat.squares[i];
     return sum / saga_canvas_n_seen(canvas);
 }
+
+SAGA_ISA_CHOOSE(saga_splat_raster_reserve);
+SAGA_ISA_CHOOSE(saga_splat_raster_backward);
+SAGA_ISA_CHOOSE(saga_splat_raster_learn);
