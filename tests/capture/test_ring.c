@@ -6,6 +6,7 @@
 #include "capture_files.h"
 #include "pose.h"
 #include "ring_motion.h"
+#include "synth_capture.h"
 #include "synth_math.h"
 #include "synth_world.h"
 #include "testing.h"
@@ -38,36 +39,21 @@ static const saga_ring_shape *find(const saga_ring_state *s,
 
 /* --- Captures ------------------------------------------------------------ */
 
-static saga_capture make_capture(folder *f, const saga_synth_options *options)
+/* Makes a capture with one view held out. */
+static saga_capture make_capture(folder *f, saga_synth_scene scene,
+                                 int n_cameras)
 {
-    saga_capture_options load = saga_capture_defaults();
-    saga_capture c = { .n_views = 0 };
+    saga_synth_options o = synth_options(48, 32, n_cameras, 2, 200);
 
-    assert_done(saga_synth_write(folder_file(f, "scene"), options, &error));
-    assert_done(saga_capture_load(&c, folder_file(f, "scene"), &load, &error));
-    return c;
-}
-
-static saga_synth_options small(saga_synth_scene scene, int n_cameras)
-{
-    saga_synth_options o = saga_synth_defaults(scene);
-
-    o.width = 48;
-    o.height = 32;
-    o.n_cameras = n_cameras;
-    o.n_hold_out = 1;
-    o.n_frames = 2;
-    o.n_points = 200;
-    o.depth_every = 0;
-    return o;
+    o.scene = scene;
+    return synth_capture(folder_file(f, "scene"), &o);
 }
 
 /* Captures of the room are compared across versions, so that its pictures must
  * not change. The number is the checksum of the first version's pictures. */
 TEST_IN_FOLDER(room_should_keep_its_bytes)
 {
-    const saga_synth_options o = small(SAGA_SYNTH_ROOM, 3);
-    saga_capture c = make_capture(f, &o);
+    saga_capture c = make_capture(f, SAGA_SYNTH_ROOM, 3);
     uLong crc = crc32(0, NULL, 0);
 
     for (int i = 0; i < c.n_views; i++)
@@ -85,9 +71,8 @@ TEST_IN_FOLDER(room_should_keep_its_bytes)
  * turn. */
 TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
 {
-    const saga_synth_options o = small(SAGA_SYNTH_RING, 4);
     const double target[3] = { 0.0, 0.0, 0.92 };
-    saga_capture c = make_capture(f, &o);
+    saga_capture c = make_capture(f, SAGA_SYNTH_RING, 4);
     double at[4][3], uv[2] = { 0 }, z;
 
     assert_int_equal(c.n_views, 4);

@@ -60,6 +60,17 @@ static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
     return ok;
 }
 
+/* Writes a cloud in the format of a suffix, and reads it. */
+static void pass_through(saga_cloud *b, saga_cloud *a, const char *suffix)
+{
+    char path[64];
+
+    path_of(path, suffix);
+    assert_done(saga_cloud_write(path, a, &error));
+    assert_done(saga_cloud_read(b, path, 0, &error));
+    unlink(path);
+}
+
 /* --- What comes back ----------------------------------------------------- */
 
 /* The tolerances of a splat's numbers. That of the rotation is for the three
@@ -222,13 +233,9 @@ TEST(splats_should_come_back_within_half_a_step)
         for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++) {
             FREED_BY(saga_cloud_free) saga_cloud a;
             FREED_BY(saga_cloud_free) saga_cloud b;
-            char path[64];
 
-            path_of(path, written[f].suffix);
             gen_cloud(&a, 300, degree);
-            assert_done(saga_cloud_write(path, &a, &error));
-            assert_done(saga_cloud_read(&b, path, 0, &error));
-            unlink(path);
+            pass_through(&b, &a, written[f].suffix);
             check_cloud(&a, &b, &written[f].most);
         }
 }
@@ -311,9 +318,7 @@ TEST(numbers_should_be_read_as_their_writer_meant_them)
         FREED_BY(saga_cloud_free) saga_cloud a;
         FREED_BY(saga_cloud_free) saga_cloud b;
         FREED_BY(saga_cloud_free) saga_cloud c;
-        char path[64];
 
-        path_of(path, ".ply");
         gen_cloud(&a, 300, 1);
         gen_cloud(&c, 300, 1);
         store_as(&a, cases[k].how);
@@ -321,9 +326,7 @@ TEST(numbers_should_be_read_as_their_writer_meant_them)
         /* 0.9 that is an opacity has the logit log 9. */
         for (size_t i = 0; i < c.n && cases[k].is & OPACITIES; i++)
             c.logit[i] = logf(9);
-        assert_done(saga_cloud_write(path, &a, &error));
-        assert_done(saga_cloud_read(&b, path, 0, &error));
-        unlink(path);
+        pass_through(&b, &a, ".ply");
         most.mean *= 1e4;
         check_cloud(&c, &b, &most);
         check_facts(&b, cases[k].a, cases[k].b);
@@ -334,10 +337,9 @@ TEST(splats_that_are_none_should_be_left_out_and_counted)
 {
     FREED_BY(saga_cloud_free) saga_cloud a;
     FREED_BY(saga_cloud_free) saga_cloud b;
-    char path[64], line[SAGA_FACTS_NBYTES];
+    char line[SAGA_FACTS_NBYTES];
     int from = 0;
 
-    path_of(path, ".ply");
     gen_cloud(&a, 40, 0);
     /* The first row is like all others; one is not turned but kept. */
     a.mean[0] = NAN;
@@ -351,9 +353,7 @@ TEST(splats_that_are_none_should_be_left_out_and_counted)
     a.logit[13] = 0;
     for (size_t i = 0; i < a.n; i++)
         a.logit[i] = i == 11 || i == 13 ? a.logit[i] : 2;
-    assert_done(saga_cloud_write(path, &a, &error));
-    assert_done(saga_cloud_read(&b, path, 0, &error));
-    unlink(path);
+    pass_through(&b, &a, ".ply");
     assert_int_equal(b.n, 35);
     assert_true(saga_cloud_facts_line(line, &from, &b.facts));
     assert_string_equal(line,
@@ -399,18 +399,14 @@ TEST(limits_should_be_those_that_the_writers_clamp_at)
             FREED_BY(saga_cloud_free) saga_cloud b;
             double most = 0;
             size_t n;
-            char path[64];
 
-            path_of(path, written[f].suffix);
             gen_cloud(&a, 300, 1);
             /* One splat has a large or small scale, or strong colours. */
             a.log_scale[30] = beyond == 1 ? 6.2f : beyond == 2 ? -10.2f : -3;
             a.colour[12 * 10 + 5] = beyond == 3 ? -5 : 0;
             n = saga_cloud_beyond(&a, format, 0) +
                 saga_cloud_beyond(&a, format, 1);
-            assert_done(saga_cloud_write(path, &a, &error));
-            assert_done(saga_cloud_read(&b, path, 0, &error));
-            unlink(path);
+            pass_through(&b, &a, written[f].suffix);
             for (size_t i = 0; i < a.n; i++) {
                 const size_t j = nearest(&a, i, &b);
 

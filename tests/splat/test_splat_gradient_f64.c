@@ -18,11 +18,6 @@ enum { N = 24, W = 37, H = 29, PIXELS = W * H };
 
 static saga_error error; /* nothing fails here */
 
-typedef struct {
-    saga_splat_params p, d;
-    saga_canvas c;
-} fixture;
-
 /* Returns a linear function of the picture. */
 static real loss(fixture *f)
 {
@@ -34,30 +29,15 @@ static real loss(fixture *f)
     return sum;
 }
 
-static fixture *new_fixture(uint64_t seed)
+static fixture *make(uint64_t seed)
 {
-    fixture *const f = calloc(1, sizeof *f);
-    const saga_rng r = saga_rng_stream(seed, 1u << 20);
+    fixture *const f = new_fixture(N, W, H, seed, 4);
 
-    f->p = scene_alloc(N);
-    f->d = scene_alloc(N);
-    scene_random(&f->p, N, seed, 4);
-    assert_true(saga_canvas_init(&f->c, PIXELS, &error));
     f->c.camera = scene_camera(W, H, 0.2);
     f->c.rules.cut = 60;
     f->c.rules.t_floor = 0;
     f->c.t = 0.4;
-    for (size_t i = 0; i < 3 * PIXELS; i++)
-        f->c.d_image[i] = scene_uniform(r, i, -1, 1);
     return f;
-}
-
-static void free_fixture(fixture *f)
-{
-    saga_params_free(&f->p);
-    saga_params_free(&f->d);
-    saga_canvas_free(&f->c);
-    free(f);
 }
 
 /* Returns the derivative of the loss by *x, from losses at *x - step and
@@ -125,7 +105,7 @@ static void check(fixture *f)
 TEST(splat_gradient_should_match_differences)
 {
     for (uint64_t seed = 1; seed <= 2; seed++) {
-        fixture *const f = new_fixture(seed);
+        fixture *const f = make(seed);
 
         check(f);
         free_fixture(f);
@@ -137,7 +117,7 @@ TEST(splat_gradient_should_match_differences)
  * clamped, and a saturated temporal opacity. */
 TEST(splat_gradient_should_match_when_extreme)
 {
-    fixture *const f = new_fixture(3);
+    fixture *const f = make(3);
 
     for (size_t i = 0; i < N; i++) {
         if (i % 4 == 0)
@@ -161,7 +141,7 @@ TEST(splat_gradient_should_match_when_extreme)
 /* Gradients must match for steep splats, whose q contains the square of s. */
 TEST(splat_gradient_should_match_where_it_is_steep)
 {
-    fixture *const f = new_fixture(3);
+    fixture *const f = make(3);
 
     f->c.rules.square = 0.5;
     check(f);
@@ -172,7 +152,7 @@ TEST(splat_gradient_should_match_where_it_is_steep)
  * rotation. */
 TEST(splat_gradient_should_skip_time_when_detached)
 {
-    fixture *const f = new_fixture(4);
+    fixture *const f = make(4);
 
     f->c.rules.detach_time = 1;
     f->p.log2_width = NULL;
@@ -232,7 +212,7 @@ TEST(splat_gradient_should_match_in_a_crowd)
  * the derivative of the squared error by the picture. */
 TEST(learn_should_match_backward_of_the_squared_error)
 {
-    fixture *const f = new_fixture(5);
+    fixture *const f = make(5);
     FREED_BY(saga_params_free) saga_splat_params twin = scene_alloc(N);
     saga_splat_learning l = { .d = twin };
     double mse = 0;

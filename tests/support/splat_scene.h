@@ -86,4 +86,41 @@ static inline saga_splat_camera scene_camera(int width, int height, double turn)
     return cam;
 }
 
+/* --- A picture's gradient ------------------------------------------------ */
+
+/* Primitives, their gradients, and a canvas with random gradients of its
+ * picture. */
+typedef struct {
+    saga_splat_params p, d;
+    saga_canvas c;
+    size_t n, plane;
+} fixture;
+
+static inline fixture *new_fixture(size_t n, int width, int height,
+                                   uint64_t seed, double px)
+{
+    fixture *const f = zeroed(1, sizeof *f);
+    const saga_rng r = saga_rng_stream(seed, 1u << 30);
+
+    f->n = n;
+    f->plane = (size_t)width * (size_t)height;
+    f->p = scene_alloc(n);
+    f->d = scene_alloc(n);
+    scene_random(&f->p, n, seed, px);
+    assert_done(saga_canvas_init(&f->c, f->plane, &error));
+    f->c.camera = scene_camera(width, height, 0.1);
+    f->c.t = R(0.5);
+    for (size_t i = 0; i < 3 * f->plane; i++)
+        f->c.d_image[i] = scene_uniform(r, i, -1, 1);
+    return f;
+}
+
+static inline void free_fixture(fixture *f)
+{
+    saga_params_free(&f->p);
+    saga_params_free(&f->d);
+    saga_canvas_free(&f->c);
+    free(f);
+}
+
 #endif
