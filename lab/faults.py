@@ -151,6 +151,20 @@ def matrices(form, opencv):
     return plant
 
 
+def reverse(axes, world=False):
+    """Reverses axes of the cameras and, if `world` is set, the world's z axis.
+    """
+    def plant(cameras):
+        for c in cameras:
+            rows = [[-x if k in axes else x for k, x in enumerate(row)]
+                    for row in c["a"]]
+            if world:
+                rows[2] = [-x for x in rows[2]]
+                c["b"] = c["b"][:2] + [-c["b"][2]]
+            c["a"] = rows
+    return plant
+
+
 def focal(factor, centre=False, only=None):
     def plant(cameras):
         for c in cameras if only is None else [cameras[only]]:
@@ -250,6 +264,13 @@ TABLE = [
      "rotations are transposed"),
     ("translations of world to camera", matrices("translation", False),
      "translations are those of world to camera"),
+    ("the cameras' x axis reversed", reverse((0,)),
+     "camera axes have x reversed"),
+    ("the cameras' x and y axes reversed", reverse((0, 1)),
+     "camera axes have x and y reversed"),
+    ("a mirrored world", reverse((), True), "the world is a mirror image"),
+    ("a mirrored world, z axes reversed", reverse((2,), True),
+     "z reversed, and the world is a mirror image"),
     ("another resolution, x2", focal(2, True), lens_pattern(2, True)),
     ("another resolution, x0.5", focal(0.5, True), lens_pattern(2, True)),
     ("focal lengths x2", focal(2), lens_pattern(2)),

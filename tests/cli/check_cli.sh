@@ -784,7 +784,8 @@ grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.js
     complain "check --fix of what is right"
 # A folder may be named in another way, as long as it is the same folder.
 expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
-cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
+sed s/beside.ply/fixed.ply/ "$tmp/poses/beside.json" |
+    cmp -s - "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
 # So must poses whose world is a mirror image, which training refuses.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
@@ -804,6 +805,44 @@ if grep -q 'do not fit\|mirror' "$tmp/out"; then
 fi
 told 1 'mirror images (determinant -1)' encode "$tmp/poses/left.json" \
     -o "$tmp/left.saga"
+# So must poses of another layout, COLMAP's, that are camera to world.
+python3 - "$tmp/poses" "$tmp/inverse" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, math, os, shutil, sys
+
+j = json.load(open(sys.argv[1] + "/fixed.json"))
+os.makedirs(sys.argv[2] + "/sparse/0")
+cameras, images, points = (open("%s/sparse/0/%s.txt" % (sys.argv[2], name), "w")
+                           for name in ("cameras", "images", "points3D"))
+for i, f in enumerate(j["frames"], 1):
+    print(i, "PINHOLE", *(f.get(k, j.get(k)) for k in
+                          ("w", "h", "fl_x", "fl_y", "cx", "cy")), file=cameras)
+    m = f["transform_matrix"]
+    r = [[row[0], -row[1], -row[2]] for row in m[:3]]
+    # The quaternion (w, x, y, z) has squares as on the diagonal of r, and signs
+    # as in its other elements, with w > 0.
+    half = lambda a, b, c: math.sqrt(max(0, 1 + a * r[0][0] + b * r[1][1] +
+                                         c * r[2][2])) / 2
+    q = [half(1, 1, 1)] + [
+        math.copysign(half(*s), r[a][b] - r[b][a])
+        for s, a, b in (((1, -1, -1), 2, 1), ((-1, 1, -1), 0, 2),
+                        ((-1, -1, 1), 1, 0))]
+    os.makedirs(sys.argv[2] + "/images", exist_ok=True)
+    name = "cam%02d.png" % i
+    shutil.copy(os.path.join(sys.argv[1], f["file_path"]),
+                "%s/images/%s" % (sys.argv[2], name))
+    print(i, *q, *(row[3] for row in m[:3]), i, name, file=images)
+    print("60 68 1 120 68 2", file=images)
+for i in 1, 2:
+    print(i, 0, i, 1, 255, 0, 0, 0.5,
+          *("%d %d" % (k, i - 1) for k in range(1, 8)), file=points)
+PYTHON
+expect 0 check "$tmp/inverse" --fix "$tmp/inverse/cameras.json"
+grep -q ': poses are camera to world. --fix' "$tmp/out" ||
+    complain "check: no word of COLMAP's inverted poses"
+expect 0 check "$tmp/inverse/cameras.json"
+grep -q 'nerfstudio, 7 cameras, .* 2 points' "$tmp/out" &&
+    ! grep -q 'do not fit' "$tmp/out" ||
+    complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
 # Small errors must be found, too. All cameras shared one lens; each must get a
 # lens of its own.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'

@@ -188,21 +188,19 @@ static const saga_line text[] = {
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Loads a capture. If its poses are mirror images, or its cameras see
- * nothing in common, it is loaded nevertheless and *wrong_poses is set, because
- * the pictures may show the reason. */
+/* Loads a capture by *with, which is set from the command line. If its poses
+ * are mirror images, or its cameras see nothing in common, it is loaded
+ * nevertheless and *wrong_poses is set, because the pictures may show the
+ * reason. */
 static bool load(saga_capture *c, const char *name, const options *o,
-                 saga_error *wrong_poses, saga_error *error)
+                 saga_capture_options *with, saga_error *error)
 {
     saga_meter meter = { .quiet = o->quiet };
-    saga_capture_options with = saga_capture_chosen(&o->capture);
     bool ok;
 
-    with.wrong_poses = wrong_poses;
-    with.any_length = true;
-    with.progress = saga_meter_progress;
-    with.progress_user = &meter;
-    ok = saga_capture_load(c, name, &with, error);
+    with->progress = saga_meter_progress;
+    with->progress_user = &meter;
+    ok = saga_capture_load(c, name, with, error);
     saga_meter_end(&meter);
     return ok;
 }
@@ -212,12 +210,16 @@ static int check(const char *name, const options *o)
     const saga_print_style how = { o->json, 10, name };
     saga_error error = { "" }, wrong_poses = { "" };
     saga_survey survey = { .views = NULL };
+    saga_capture_options with = saga_capture_chosen(&o->capture);
     saga_capture c;
     int status = SAGA_EXIT_OK;
 
+    with.wrong_poses = &wrong_poses;
+    with.any_length = true;
+
     /* If the capture exists, the fault is in its data, otherwise in the command
      * line. */
-    if (!load(&c, name, o, &wrong_poses, &error))
+    if (!load(&c, name, o, &with, &error))
         return saga_cli_error(saga_path_is_folder(name) ||
                                       saga_path_is_file(name)
                                   ? SAGA_EXIT_DATA
@@ -227,7 +229,7 @@ static int check(const char *name, const options *o)
      * is found. */
     if (!saga_survey_make(&survey, &c, &error) ||
         (o->html && !saga_check_page(o->html, name, &survey, &c, &error)) ||
-        (o->fix && !saga_check_fix(o->fix, name, &survey, &c, &error)))
+        (o->fix && !saga_check_fix(o->fix, name, &with, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
     else if (saga_failed(&wrong_poses) && !survey.calibration.found)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
@@ -258,8 +260,9 @@ static const saga_cli_option option_list[] = {
       "the cameras",
       saga_cli_text, offsetof(options, html), 0, 0 },
     { "--fix", "FILE",
-      "write a transforms.json in which the mistakes that were\n"
-      "found are corrected",
+      "write a transforms.json, to be given in place of the\n"
+      "capture, in which the mistakes that were found are\n"
+      "corrected",
       saga_cli_text, offsetof(options, fix), 0, 0 },
     { "--json", NULL,
       "print the report as JSON; null stands for an unknown\n"
@@ -289,7 +292,7 @@ const saga_command saga_command_check = {
     "Poses are tested by matching features between every two cameras. If the\n"
     "matches contradict the poses, the usual mistakes are tried (other axes,\n"
     "mirror images, inverted poses, wrong focal length, exchanged files), and\n"
-    "--fix corrects the one that explains the pictures in a JSON file. Small\n"
+    "--fix writes cameras without the one that explains the pictures. Small\n"
     "errors of poses and lenses are found by bundle adjustment. If that also\n"
     "improves matches that it did not use, --fix writes the refined cameras.\n"
     "\n"

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Rewrites a transforms.json whose cameras do not fit its pictures, without the
- * mistake that the survey has found, or with cameras that it has refined.
+ * Writes a transforms.json for a capture whose cameras do not fit its pictures,
+ * without the mistake that the survey has found, or with cameras that it has
+ * refined.
  */
 #ifndef SAGA_CHECK_FIX_H
 #define SAGA_CHECK_FIX_H
@@ -9,11 +10,13 @@
 #include "capture.h"
 #include "survey.h"
 
-/* Writes the corrected file to `path`, completely or not at all; if there is
+/* Writes the file to `path`, completely or not at all, with the capture's
+ * points, if there are any, beside it ("x.ply" beside "x.json"); if there is
  * nothing to correct, says so on stderr and writes nothing. `name` is the
- * capture: a folder with transforms.json, or such a file. Everything in the
- * file that does not describe cameras is kept. Returns false on an error. */
+ * capture, of any layout, and `options` are those it was loaded with. Returns
+ * false on an error. */
 bool saga_check_fix(const char *path, const char *name,
+                    const saga_capture_options *options,
                     const saga_survey *survey, const saga_capture *capture,
                     saga_error *error);
 

@@ -71,8 +71,8 @@ bool saga_check_hands(const saga_listing *listing, saga_error *told,
               mixed ? "export all poses again, with right-handed axes"
                     : "a left-handed program wrote them: export them with "
                       "right-handed axes; `saga check` finds by the pictures "
-                      "which axis is reversed, and --fix corrects a "
-                      "transforms.json",
+                      "which axis is reversed, and --fix writes correct "
+                      "cameras",
               "the poses of %d of %d cameras, among them %s, are mirror "
               "images (determinant -1)",
               n, listing->n_sources, odd->name);

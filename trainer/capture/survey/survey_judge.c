@@ -85,14 +85,6 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
                             "of depth. A COLMAP model or ply_file_path helps.");
 }
 
-/* Returns how cameras can be corrected. */
-static const char *remedy_of(const saga_capture *c)
-{
-    return c->poses == SAGA_POSES_OPENGL
-               ? "--fix FILE writes the corrected cameras."
-               : "Correct them in the program that wrote them.";
-}
-
 /* Adds a part of a list to a text. */
 static void add_part(char *text, size_t nbytes, const char *part)
 {
@@ -164,11 +156,12 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
     /* The cameras of a mirrored world fit the pictures as they are. */
     saga_note(s->notes,
               "%s: of %d pairs of cameras with matches, %d fit. After the "
-              "correction of one mistake, %d fit: %s. %s",
+              "correction of one mistake, %d fit: %s. --fix FILE writes the "
+              "corrected cameras.",
               saga_pose_is_mirrored(c->views[0].rotation)
                   ? "The poses are mirror images"
                   : "The cameras do not fit the pictures",
-              fit->n_pairs, fit->n_fit, fit->n_fit_then, what, remedy_of(c));
+              fit->n_pairs, fit->n_fit, fit->n_fit_then, what);
 }
 
 /* Notes whether poses and lenses fit the matches. */
