@@ -23,7 +23,8 @@
 typedef struct {
     const char *out;
     saga_cli_pair frames;
-    int frame, camera, degree; /* frame, camera: -1 if not given */
+    const char *camera; /* NULL: colours are fitted */
+    int frame, degree;  /* frame: -1 if not given */
     bool quiet;
 } options;
 
@@ -31,6 +32,7 @@ typedef struct {
     const options *o;
     saga_film film;
     saga_film_colours colours;
+    int camera;       /* number in the file; -1: none */
     bool unwritten;   /* the error is about an output */
     size_t n_splats;  /* in all frames, and of these those with scales */
     size_t beyond[2]; /* and with colours that the format clamps */
@@ -40,7 +42,7 @@ typedef struct {
 static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
 {
     const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
-    const saga_colouring how = { s->o->camera, s->o->degree };
+    const saga_colouring how = { s->camera, s->o->degree };
 
     if (!saga_film_cloud(cloud, &s->colours, &s->film, frame, how, &s->error))
         return false;
@@ -209,12 +211,26 @@ static void print_limits(const session *s)
     print_beyond(s);
 }
 
+/* Finds the camera whose colours are wanted. */
+static bool find_camera(session *s)
+{
+    uint32_t index = 0;
+
+    if (!s->o->camera)
+        return true;
+    if (!saga_film_find_camera(&index, &s->film, s->o->camera, &s->error))
+        return false;
+    s->camera = (int)index;
+    return true;
+}
+
 static int export_all(session *s, const char *name, const saga_bytes *bytes)
 {
     int status = SAGA_EXIT_OK;
 
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
+        find_camera(s) &&
         (saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
         print_limits(s);
     else
@@ -296,8 +312,8 @@ static void print_formats(void)
 
 static int run_export(int argc, char **argv)
 {
-    options o = { .frame = -1, .camera = -1, .degree = 1 };
-    session s = { .o = &o, .colours = { .segment = -1 } };
+    options o = { .frame = -1, .degree = 1 };
+    session s = { .o = &o, .colours = { .segment = -1 }, .camera = -1 };
     const char *name;
     saga_bytes bytes;
     int status = saga_cli_parse(&saga_command_export, &o, &name, argc, argv);
@@ -328,10 +344,10 @@ static const saga_cli_option option_list[] = {
       "colours depend on the view (default 1). They are fitted\n"
       "to what the decoder shows to the cameras of the file",
       saga_cli_int, offsetof(options, degree), 0, SAGA_MAX_DEGREE },
-    { "--camera", "N",
-      "take the colours that camera N of the file sees, instead\n"
-      "of fitting them",
-      saga_cli_int, offsetof(options, camera), 0, 65535 },
+    { "--camera", "NAME",
+      "take the colours that a camera of the file sees, by name\n"
+      "or by number, instead of fitting them",
+      saga_cli_text, offsetof(options, camera), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
 

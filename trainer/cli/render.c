@@ -336,31 +336,6 @@ static bool open_video(session *s)
     return saga_film_writer_open(&s->video, s->o->out, &film, &s->error);
 }
 
-/* Sets *index to the camera with a name, or otherwise with that number in the
- * rig. */
-static bool find_camera(uint32_t *index, session *s, const char *name)
-{
-    const uint32_t n = s->film.info.n_cameras;
-    /* saga-dec takes a number in either form, too. */
-    const char *const digits = strncmp(name, "rig:", 4) ? name : name + 4;
-    char *end;
-    const unsigned long number = strtoul(digits, &end, 10);
-
-    /* Names take precedence, because a camera named 3 may have another
-     * number. */
-    for (*index = 0; *index < n; ++*index) {
-        saga_naming naming;
-
-        saga_film_naming(&s->film, *index, &naming);
-        if (!strcmp(naming.name, name))
-            return true;
-    }
-    *index = (uint32_t)number;
-    return (digits[0] >= '0' && digits[0] <= '9' && !*end && number < n) ||
-           saga_fail(&s->error, s->film.name, "`saga info` lists them",
-                     "has no camera %s; it has %" PRIu32 " cameras", name, n);
-}
-
 /* Returns the number of pixels in the largest picture. */
 static size_t most_pixels(const session *s)
 {
@@ -406,7 +381,8 @@ static bool prepare(session *s)
                          "--frames %d:%d goes beyond its %" PRIu32 " frames",
                          (int)o->frames.a, (int)o->frames.b,
                          s->film.info.n_frames);
-    if ((o->camera && !find_camera(&index, s, o->camera)) ||
+    if ((o->camera &&
+         !saga_film_find_camera(&index, &s->film, o->camera, &s->error)) ||
         !saga_film_rig(&s->film, index, &s->camera, &number, &s->error))
         return false;
     if (o->orbit && !saga_orbit_of(&s->orbit, &s->film, &s->error))

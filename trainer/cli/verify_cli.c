@@ -17,7 +17,7 @@
 
 typedef struct {
     bool json, quiet;
-    int camera;          /* index in the rig */
+    const char *camera;  /* name or number; NULL: the first */
     saga_cli_pair frame; /* time of the picture in frames, a fraction */
     saga_cli_pair size;  /* 0: the camera's size */
 } options;
@@ -28,6 +28,7 @@ typedef struct {
     saga_film film;
     saga_verify_view view;
     saga_verify result;
+    uint32_t index;  /* number of the camera in the file */
     uint32_t number; /* number of the camera in the capture */
     saga_error error;
 } session;
@@ -110,7 +111,7 @@ static json_t *report_of(const session *s)
     json_t *const o = saga_cli_json_head("verify", s->name);
     json_t *const pictures = pictures_of(v);
 
-    saga_put_int(o, "camera", s->o->camera);
+    saga_put_int(o, "camera", s->index);
     saga_put_int(o, "number", s->number);
     saga_put_int(o, "width", s->view.camera.width);
     saga_put_int(o, "height", s->view.camera.height);
@@ -184,7 +185,9 @@ static bool choose_view(session *s)
     const options *const o = s->o;
     saga_verify_view *const view = &s->view;
 
-    if (!saga_film_rig(&s->film, (uint32_t)o->camera, &view->camera, &s->number,
+    if ((o->camera &&
+         !saga_film_find_camera(&s->index, &s->film, o->camera, &s->error)) ||
+        !saga_film_rig(&s->film, s->index, &view->camera, &s->number,
                        &s->error))
         return false;
     if (o->size.a)
@@ -240,10 +243,10 @@ static int run_verify(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--camera", "N",
-      "number of a camera of the file (default 0); `saga "
-      "info`\nlists them",
-      saga_cli_int, offsetof(options, camera), 0, 65535 },
+    { "--camera", "NAME",
+      "a camera of the file, by name or by number (default 0);\n"
+      "`saga info` lists them",
+      saga_cli_text, offsetof(options, camera), 0, 0 },
     { "--frame", "N[/D]",
       "time of the picture in frames (default 0): 15/2 is"
       "\nhalf-way between frames 7 and 8",

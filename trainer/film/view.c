@@ -11,6 +11,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -169,6 +170,28 @@ void saga_film_expose(const saga_film *film, uint32_t index, uint8_t *rgb,
         }
     for (size_t i = 0; i < 3 * n; i++)
         rgb[i] = to[i % 3][rgb[i]];
+}
+
+bool saga_film_find_camera(uint32_t *index, const saga_film *film,
+                           const char *name, saga_error *error)
+{
+    const uint32_t n = film->info.n_cameras;
+    /* saga-dec takes a number in either form, too. */
+    const char *const digits = strncmp(name, "rig:", 4) ? name : name + 4;
+    char *end;
+    const unsigned long number = strtoul(digits, &end, 10);
+    /* Names take precedence, because a camera named 3 may have another
+     * number. */
+    for (*index = 0; *index < n; ++*index) {
+        saga_naming naming;
+        saga_film_naming(film, *index, &naming);
+        if (!strcmp(naming.name, name))
+            return true;
+    }
+    *index = (uint32_t)number;
+    return (digits[0] >= '0' && digits[0] <= '9' && !*end && number < n) ||
+           saga_fail(error, film->name, "`saga info` lists them",
+                     "has no camera %s; it has %" PRIu32 " cameras", name, n);
 }
 
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,

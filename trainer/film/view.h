@@ -87,6 +87,11 @@ void saga_film_naming(const saga_film *film, uint32_t index,
 void saga_film_expose(const saga_film *film, uint32_t index, uint8_t *rgb,
                       size_t n);
 
+/* Sets *index to the camera of the file with a name, or else with the number 3
+ * for "3" or "rig:3". */
+bool saga_film_find_camera(uint32_t *index, const saga_film *film,
+                           const char *name, saga_error *error);
+
 /* Sets camera `index` of the file's rig, and the number it had in the
  * capture. */
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
