@@ -236,11 +236,29 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
         folder_run(f, "sed -i '%s' calibration.toml", edits[i].edit);
         refused(f->path, f->path, edits[i].what);
     }
+    write_camera(f, "distortions = [0]\n[cam_1]\nname = 'cam_0'\n"
+                    "size = [128, 96]\nmatrix = [99, 0, 63, 0, 99, 47, 0, 0, "
+                    "1]\nrotation = [0, 0, 0]\ntranslation = [1, 0, 0]\n"
+                    "distortions = [0]");
+    refused(f->path, "calibration.toml",
+            "cameras 1 and 2 have the same name, cam_0");
     write_camera(f, "distortions = [0]");
     folder_run(f, "cp calibration.toml calib2.toml");
     refused(f->path, f->path, "has 2 calibrations, among them");
     folder_run(f, "rm calib2.toml *.mp4");
     refused(f->path, f->path, "but no videos (.mp4");
+}
+
+TEST_IN_FOLDER(calibration_should_be_noted_when_odd)
+{
+    FREED_BY(saga_capture_free) saga_capture c = { 0 };
+
+    write_camera(f, "distortions = [0]\nrotation_count = 1");
+    folder_run(f, "sed -i s/104/106/ calibration.toml");
+    c = load(f->path);
+    assert_non_null(strstr(c.notes, "the rotation_count of cam_0 is for"));
+    assert_non_null(strstr(c.notes, "1 camera are more than 5 % apart (cam_0: "
+                                    "50 and 53 pixels)"));
 }
 
 /* --- Names --------------------------------------------------------------- */

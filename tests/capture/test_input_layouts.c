@@ -228,6 +228,11 @@ TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
     folder_run(f, "for p in p/*/*.png; do mv $p ${p%%png}jpg; done");
     check_same(f->path, "nerfstudio, pictures of another ending", N_FRAMES,
                LOSSLESS);
+    /* Windows writes a byte order mark and separates folders by "\". */
+    folder_run(f, "sed -i '1s/^/\\xef\\xbb\\xbf/; s#p/cam#p\\\\\\\\cam#g' "
+                  "transforms.json && grep -q 'p..cam' transforms.json");
+    check_same(f->path, "nerfstudio, as written on Windows", N_FRAMES,
+               LOSSLESS);
 }
 
 /* --- Stills -------------------------------------------------------------- */
@@ -307,7 +312,9 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
     assert_non_null(strstr(c.notes, "most of them to cam02 (1 of 3)"));
     saga_capture_free(&c);
     folder_run(f, "rm images/*/*");
-    refused(f->path, f->path, "none of its 4 cameras has a picture");
+    refused(f->path, f->path,
+            "none of its 4 cameras has a picture; the first would be ");
+    refused(f->path, f->path, "images/cam00/f_0000.png");
 }
 
 /* The numbers in the pictures' names tell which moment is missing from the

@@ -113,6 +113,7 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
                tags, W, H, tags);
     write_json(f, "", name, 1);
     c = load(f->path);
+    assert_int_equal(strstr(c.notes, "without a matrix tag") != NULL, !*tags);
     for (int k = 0; k < 4; k++) {
         double rgb[3];
 

@@ -13,8 +13,10 @@ static bool webp_failed(const char *path, VP8StatusCode why, saga_error *error)
 {
     if (why == VP8_STATUS_OUT_OF_MEMORY)
         return saga_no_memory(0, path, error);
+    /* libwebp also calls a table damaged for which it has no memory. */
     return saga_fail(error, path, "copy or export the picture again",
-                     "WebP is damaged or cut short");
+                     "WebP is damaged or cut short, unless libwebp is out of "
+                     "memory");
 }
 
 static bool webp_open(saga_bytes *bytes, WebPBitstreamFeatures *found,
