@@ -75,31 +75,77 @@ typedef struct sights {
     size_t n;
 } sights;
 
+/* A place on an axis, and its number. */
+typedef struct along {
+    double x;
+    size_t i;
+} along;
+
+static int compare_along(const void *a, const void *b)
+{
+    const along *const p = a, *const q = b;
+
+    if (p->x != q->x)
+        return p->x < q->x ? -1 : 1;
+    return (p->i > q->i) - (p->i < q->i);
+}
+
+/* A trusted sight in a picture, at the pixel (u.x, v). */
+typedef struct trusted {
+    along u;
+    double v, depth;
+} trusted;
+
+/* The nearest sight so far; of several, that of the lowest number. */
+typedef struct nearest {
+    double square;
+    const trusted *at;
+} nearest;
+
+/* Compares a sight with the nearest. Returns false if it and all beyond are too
+ * far along u. */
+static bool compare(nearest *to, const trusted *t, const draw *d)
+{
+    const double du = t->u.x - d->uv[0], dv = t->v - d->uv[1];
+    const double square = du * du + dv * dv;
+
+    if (du * du > to->square)
+        return false;
+    if (square < to->square ||
+        (square == to->square && to->at && t->u.i < to->at->u.i))
+        *to = (nearest){ square, t };
+    return true;
+}
+
 /* Gives a sight without a trusted depth that of the nearest trusted sight in
- * the same picture. */
+ * the same picture. These are sorted by u, and searched in both directions from
+ * the sight's own u. */
 static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
-                         const sights *all)
+                         const trusted *list, size_t n)
 {
     const saga_source_view *const w = f->pictures->capture->views + d->view;
     const double *const range = f->pictures->range + 2 * d->view;
-    double best = INFINITY, z;
+    nearest best = { INFINITY, NULL };
+    size_t begin = 0, end = n;
 
+    while (begin < end) {
+        const size_t middle = (begin + end) / 2;
+
+        if (list[middle].u.x < d->uv[0])
+            begin = middle + 1;
+        else
+            end = middle;
+    }
+    for (size_t i = begin; i < n && compare(&best, list + i, d); i++)
+        ;
+    for (size_t i = begin; i > 0 && compare(&best, list + i - 1, d); i--)
+        ;
     /* Without a trusted sight in the picture, the depth is random, uniform in 1
      * / depth. */
-    z = 1 / (1 / range[1] + d->chance * (1 / range[0] - 1 / range[1]));
-    for (size_t i = 0; i < all->n; i++) {
-        double uv[2], depth, far;
+    const double z = best.at ? best.at->depth
+                             : 1 / (1 / range[1] +
+                                    d->chance * (1 / range[0] - 1 / range[1]));
 
-        if (!all->good[i] ||
-            !saga_view_project(w, all->at[i].position, uv, &depth))
-            continue;
-        far = (uv[0] - d->uv[0]) * (uv[0] - d->uv[0]) +
-              (uv[1] - d->uv[1]) * (uv[1] - d->uv[1]);
-        if (far < best) {
-            best = far;
-            z = depth;
-        }
-    }
     s->depth = z;
     s->footprint = z / w->fx;
     saga_view_lift(w, d->uv, z, s->position);
@@ -124,6 +170,9 @@ typedef struct {
     const sights *all;
     const saga_flat *f;
     size_t from;
+    int view;      /* the picture in which depths are borrowed, */
+    trusted *list; /* (all->n) and the n_list trusted sights in it */
+    size_t n_list;
 } job;
 
 static saga_range pixels_of(const job *j, size_t part)
@@ -154,15 +203,38 @@ static void borrow_part(void *user, size_t part)
     for (size_t i = of.begin; i < of.end; i++) {
         const draw d = draw_pixel(j->f, i);
 
-        if (!j->all->good[i])
-            borrow_depth(j->all->at + i, j->f, &d, j->all);
+        if (!j->all->good[i] && d.view == j->view)
+            borrow_depth(j->all->at + i, j->f, &d, j->list, j->n_list);
     }
 }
 
-/* Sets the sights from `from` on by pixels drawn at random. */
-static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
+/* Lists the trusted sights that lie in the job's picture, or beside it. */
+static void list_trusted(job *j)
 {
-    job j = { all, f, from };
+    const saga_source_view *const w = j->f->pictures->capture->views + j->view;
+
+    j->n_list = 0;
+    for (size_t i = 0; i < j->all->n; i++) {
+        trusted *const t = j->list + j->n_list;
+        double uv[2];
+
+        if (!j->all->good[i] ||
+            !saga_view_project(w, j->all->at[i].position, uv, &t->depth))
+            continue;
+        t->u = (along){ uv[0], i };
+        t->v = uv[1];
+        j->n_list++;
+    }
+    qsort(j->list, j->n_list, sizeof *j->list, compare_along);
+}
+
+/* Sets the sights from `from` on by pixels drawn at random. `list` has room for
+ * all sights. */
+static void look_at_pixels(const sights *all, const saga_flat *f, size_t from,
+                           trusted *list)
+{
+    const saga_pictures *const p = f->pictures;
+    job j = { .all = all, .f = f, .from = from, .list = list };
     saga_tasks t = { .run = look_part,
                      .user = &j,
                      .n = saga_n_parts(all->n - from, SAGA_PLANE_PART),
@@ -170,21 +242,11 @@ static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 
     saga_parallel(&t);
     t.run = borrow_part;
-    saga_parallel(&t);
-}
-
-typedef struct along {
-    double x;
-    size_t i;
-} along;
-
-static int compare_along(const void *a, const void *b)
-{
-    const along *const p = a, *const q = b;
-
-    if (p->x != q->x)
-        return p->x < q->x ? -1 : 1;
-    return (p->i > q->i) - (p->i < q->i);
+    for (int k = 0; k < p->n_train; k++) {
+        j.view = p->train[k];
+        list_trusted(&j);
+        saga_parallel(&t);
+    }
 }
 
 static void note_neighbour(double *best, double d)
@@ -269,17 +331,19 @@ bool saga_flat_init(saga_flat *f, saga_error *error)
     const sights all = { saga_alloc(n, sizeof *all.at, what, error),
                          saga_alloc(n, 1, what, error), n };
     along *const order = saga_alloc(n, sizeof *order, what, error);
-    const bool ok = all.at && all.good && order &&
+    trusted *const list = saga_alloc(n, sizeof *list, what, error);
+    const bool ok = all.at && all.good && order && list &&
                     saga_flat_reserve(f, (uint32_t)n, error);
 
     if (ok) {
         /* Points are trusted, and take at most half of the places. */
         memset(all.good, 1, n);
-        look_at_pixels(&all, f, look_at_points(all.at, f, (n + 1) / 2));
+        look_at_pixels(&all, f, look_at_points(all.at, f, (n + 1) / 2), list);
         append_all(f, all.at, order, n);
     }
     free(all.at);
     free(all.good);
     free(order);
+    free(list);
     return ok;
 }
