@@ -217,7 +217,7 @@ tree() {
 }
 
 sanitized() {
-    local flags=(CC=clang OPT=-O1 SANITIZE=1)
+    local flags=(CC=clang OPT=-O1 SANITIZE=1 LDFLAGS=-fuse-ld=lld)
     sources=$guarded
     build sanitize "tests $build/sanitize/check_vectors
         $build/sanitize/saga $build/sanitize/saga-dec

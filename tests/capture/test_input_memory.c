@@ -75,8 +75,8 @@ static void fail_each(folder *f, const char *name, long least)
     c = load_with(s.path, &o);
     s.crc = crc_of(&c);
     saga_capture_free(&c);
-    assert_true(heap_fail_each(load_and_free, &s, testing_sanitized() ? 7 : 1) >
-                least);
+    assert_true(heap_fail_each(load_and_free, &s,
+                               testing_sanitized() ? 19 : 1) > least);
 }
 
 /* --- nerfstudio ---------------------------------------------------------- */
