@@ -80,11 +80,13 @@ TEST(captures_should_agree_with_their_readmes)
             continue;
         }
         o.end_frame = 1;
+        o.want_depth = true;
         c = load_with(path, &o);
         assert_int_equal(c.n_views, captures[i].n_views);
         assert_in_range(c.n_points, captures[i].least_points,
                         captures[i].most_points);
         assert_true(c.fps == captures[i].fps);
+        assert_int_equal(c.views[0].depth != NULL, i == 0);
         for (int v = 0; v < c.n_views; v++) {
             const double here = likeness(&c, v, 0, 0, &n);
             double beside = -1;

@@ -280,12 +280,6 @@ static void world_of(const saga_source_view *v, double u, double w, double z,
             x[i] += v->rotation[3 * k + i] * cam[k];
 }
 
-static double quantile(double *x, int n, double q)
-{
-    assert_true(n > 0);
-    return saga_quantile(x, (size_t)n, q);
-}
-
 TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 {
     const saga_synth_options s = options();
@@ -367,8 +361,8 @@ TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
     /* The nearest pixel is up to 0.7 pixels away, so that slopes and texture
      * make a difference. */
     assert_true(n > 0.6 * tried);
-    assert_true(quantile(depth, n, 0.5) < 0.005);
-    assert_true(quantile(colour, n, 0.5) < 12);
+    assert_true(saga_quantile(depth, (size_t)n, 0.5) < 0.005);
+    assert_true(saga_quantile(colour, (size_t)n, 0.5) < 12);
 }
 
 TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
@@ -408,6 +402,6 @@ TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
     /* Depth has noise along the ray of 3 times half a pixel of 1 / 86, with a
      * median of 0.67 of that, which is 0.012; to this comes the slope within a
      * pixel. */
-    assert_true(quantile(depth, n, 0.5) < 0.018);
-    assert_true(quantile(colour, n, 0.5) < 16);
+    assert_true(saga_quantile(depth, (size_t)n, 0.5) < 0.018);
+    assert_true(saga_quantile(colour, (size_t)n, 0.5) < 16);
 }

@@ -13,7 +13,7 @@
 #include <time.h>
 
 static const char *const videos[] = { "a.mp4", "b.mp4" };
-static const char *const pictures[] = { "a.png", "b.png" };
+static const char *const pictures[] = { "a.png", "b.png", "b.png" };
 
 /* --- Videos -------------------------------------------------------------- */
 
@@ -76,7 +76,7 @@ TEST_IN_FOLDER(pipe_should_not_be_waited_for)
     refused(folder_file(f, "transforms.json"), "transforms.json",
             "give the folder of a capture");
     folder_run(f, "rm transforms.json");
-    write_json(f, "\"ply_file_path\": \"p.ply\", ", pictures + 1, 1);
+    write_json(f, "\"ply_file_path\": \"p.ply\", ", pictures + 1, 2);
     assert_int_equal(mkfifo(folder_file(f, "p.ply"), 0600), 0);
     refused(f->path, "p.ply", "is not a regular file");
     alarm(0);

@@ -178,16 +178,13 @@ enum { N_CAMERAS = 7 };
 
 static saga_capture film(const char *path, saga_synth_scene scene)
 {
-    saga_synth_options s = saga_synth_defaults(scene);
-
     /* The moving things of the room are small and need more pixels. */
-    s.width = scene == SAGA_SYNTH_ROOM ? 320 : 240;
-    s.height = scene == SAGA_SYNTH_ROOM ? 180 : 135;
-    s.n_cameras = N_CAMERAS;
+    const bool is_room = scene == SAGA_SYNTH_ROOM;
+    saga_synth_options s = synth_options(
+        is_room ? 320 : 240, is_room ? 180 : 135, N_CAMERAS, N_PICTURES, 100);
+
+    s.scene = scene;
     s.n_hold_out = 0;
-    s.n_frames = N_PICTURES;
-    s.n_points = 100;
-    s.depth_every = 0;
     s.samples = 1;
     return synth_capture(path, &s);
 }

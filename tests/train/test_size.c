@@ -66,6 +66,13 @@ static trained encode(const saga_train_options *o)
     return tiny_finish(t);
 }
 
+static void same(trained other, const trained *whole)
+{
+    assert_int_equal(other.n, whole->n);
+    assert_memory_equal(other.bytes, whole->bytes, whole->n);
+    free(other.bytes);
+}
+
 static bool is_about(size_t n, size_t wanted)
 {
     if (fabs((double)n - (double)wanted) <= 0.05 * (double)wanted)
@@ -101,17 +108,13 @@ TEST(size_should_survive_threads_and_stops)
     omp_set_num_threads(before == 1 ? 2 : 1);
     other = encode(&o);
     omp_set_num_threads(before);
-    assert_int_equal(other.n, whole.n);
-    assert_memory_equal(other.bytes, whole.bytes, whole.n);
-    free(other.bytes);
+    same(other, &whole);
 #endif
     o.checkpoint = room.checkpoint;
     tiny_stop_at(&o, &often);
     other = encode(&o);
     assert_true(often.calls > 100);
-    assert_int_equal(other.n, whole.n);
-    assert_memory_equal(other.bytes, whole.bytes, whole.n);
-    free(other.bytes);
+    same(other, &whole);
     free(whole.bytes);
 }
 
@@ -129,9 +132,7 @@ TEST(size_should_be_what_is_asked_for_last)
     other = tiny_finish(tiny_resume(&room.capture, &o));
     o.checkpoint = NULL;
     whole = encode(&o);
-    assert_int_equal(other.n, whole.n);
-    assert_memory_equal(other.bytes, whole.bytes, whole.n);
-    free(other.bytes);
+    same(other, &whole);
     free(whole.bytes);
     unlink(room.checkpoint);
 }
