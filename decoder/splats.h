@@ -26,7 +26,7 @@ uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
                      const saga_look *look, saga_cpu cpu);
 
 /* SIMD versions, for runs of a multiple of four, and of two, primitives. */
-uint32_t saga_splats__avx2(saga_splat *s, const saga_primitive *p, uint32_t n,
+uint32_t saga_splats__avx2(saga_splat *to, const saga_primitive *p, uint32_t n,
                            const saga_look *look);
 uint32_t saga_splats__neon(saga_splat *s, const saga_primitive *p, uint32_t n,
                            const saga_look *look);

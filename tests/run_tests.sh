@@ -301,6 +301,7 @@ many() {
     # for clang's warnings.
     [ "$what" != all ] || build clang objects CC=clang CFLAGS=-fsyntax-only \
         COMPILED="$build/sanitize"
+    [ "$what" != all ] || check lint tests/check_lint.sh
     [ "$what" != all ] || check cmake tests/check_cmake.sh
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh

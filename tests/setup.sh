@@ -29,7 +29,7 @@ check) packages=$check ;;
 test) packages=$test ;;
 packages) packages="$build $packages" ;;
 all)
-    packages="$test $packages cmake
+    packages="$test $packages cmake clang-tidy
     python3-opencv slurm-wlm munge parallel openmpi-bin
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross

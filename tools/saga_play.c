@@ -409,7 +409,7 @@ static void read_command(command *c, int argc, char **argv)
 
     /* A word is an option with its value, or one of up to four positions. */
     for (i = 1; i < argc; i++) {
-        for (k = 0; k < 3 && strcmp(argv[i], options[k].name); k++)
+        for (k = 0; k < 3 && strcmp(argv[i], options[k].name) != 0; k++)
             ;
         /* Of two outputs only one would be written. */
         if (k < 3 && i + 1 < argc && !*options[k].value)

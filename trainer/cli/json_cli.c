@@ -75,9 +75,13 @@ void saga_drop_asides(json_t *report)
     size_t i;
 
     json_array_foreach(report, i, value) saga_drop_asides(value);
-    json_object_foreach_safe(report, next, key, value) if (key[0] == '/')
-        json_object_del(report, key);
-    else saga_drop_asides(value);
+    json_object_foreach_safe(report, next, key, value)
+    {
+        if (key[0] == '/')
+            json_object_del(report, key);
+        else
+            saga_drop_asides(value);
+    }
 }
 
 /* Returns o as text, or NULL with the reason in *error. Frees o; the caller

@@ -386,7 +386,7 @@ bool saga_path_read(saga_path *path, const char *name, saga_error *error)
     bool ok;
 
     *path = (saga_path){ 0 };
-    ok = strcmp(base, "images.txt") && strcmp(base, "images.bin")
+    ok = strcmp(base, "images.txt") != 0 && strcmp(base, "images.bin") != 0
              ? read_json(path, name, error)
              : read_beside(path, name, (size_t)(base - name), error);
     if (!ok)

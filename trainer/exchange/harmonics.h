@@ -28,8 +28,8 @@ static inline int saga_degree_of_rest(int n)
 /* The value of Y_0, which is constant. */
 #define SAGA_HARMONIC_0 0.28209479177387814
 
-/* Sets y to the harmonics in the direction of the unit vector d. */
-void saga_harmonics(double y[SAGA_MAX_HARMONICS], const double d[3]);
+/* Sets out to the harmonics in the direction of the unit vector d. */
+void saga_harmonics(double out[SAGA_MAX_HARMONICS], const double d[3]);
 
 /* Returns the factor, 1 or -1, that harmonic k gets from a turn by 180 degrees
  * around the axis x (axis = 0) or z (axis = 2). */

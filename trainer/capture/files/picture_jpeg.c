@@ -122,7 +122,7 @@ const saga_picture_kind saga_jpeg_kind = { 0, jpeg_probe, jpeg_read };
 bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error)
 {
-    const tjhandle encoder = tjInitCompress();
+    void *const encoder = tjInitCompress();
     /* The largest size that a picture can take, so that the buffer never
      * grows. */
     unsigned long n = tjBufSize(width, height, TJSAMP_420);

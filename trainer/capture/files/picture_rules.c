@@ -81,7 +81,8 @@ int saga_exif_orientation(const uint8_t *data, size_t n)
         data += 6;
         n -= 6;
     }
-    if (n < 8 || (memcmp(data, "II*\0", 4) && memcmp(data, "MM\0*", 4)))
+    if (n < 8 ||
+        (memcmp(data, "II*\0", 4) != 0 && memcmp(data, "MM\0*", 4) != 0))
         return 0;
     /* A directory is a count and then entries of 12 bytes: tag, type, count,
      * value. */

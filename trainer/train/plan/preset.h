@@ -58,9 +58,9 @@ int saga_plan_segments(const saga_capture *capture, int frames);
  * still_minutes; otherwise the least N with which they can, in at least 500
  * iterations and with at least 100,000 pixels left in a picture. The number of
  * primitives follows the pixels. It is 1 too if the user gave iterations or
- * minutes. looked_at: a capture whose files were listed, not loaded. */
-int saga_plan_scale(const saga_train_options *o, const saga_capture *looked_at,
-                    const saga_preset *preset);
+ * minutes. c: a capture whose files were listed, not loaded. */
+int saga_plan_scale(const saga_train_options *o, const saga_capture *c,
+                    const saga_preset *p);
 
 /* Returns the number of primitives for a segment that lasts `seconds`. pixels:
  * at one moment, of all views together; changing: the part of them that
