@@ -213,9 +213,11 @@ TEST(tools_should_be_looked_at_before_the_size)
         size_t n, head;
         FREED uint8_t *const bytes = make(&streams[i], &n, &head);
 
-        for (int bit = 7; bit < 32; bit += bit == 7 ? 4 : 1) {
+        for (int bit = 0; bit < 32; bit++) {
             FREED uint8_t *const copy = with_tool(bytes, n, 1u << bit);
 
+            if (SAGA_TOOLS_KNOWN >> bit & 1)
+                continue;
             check_lengths("a tool", copy, n, head);
             for (size_t k = 0; k < SAGA_HEADER_NBYTES; k++)
                 assert_int_equal(status_of(PROBE, copy, k), SAGA_ERR_TRUNCATED);

@@ -78,7 +78,8 @@ double saga_encode_exposure(const saga_encode_session *s);
 /* Returns the report about a complete file. */
 json_t *saga_encode_report(const saga_encode_session *s);
 
-/* Prints the report about the file, the part or the networks. */
+/* Prints the report about what the options made: a whole file, a part of one
+ * from given networks, or only the networks. */
 int saga_encode_print_report(const saga_encode_session *s);
 
 #endif

@@ -7,8 +7,8 @@
 
 #include <math.h>
 
-/* Sets o to the offset of x from the centre of coarse anchor c's cell, in its
- * half-sizes. */
+/* Sets o to the offset of x from the centre of coarse anchor c's cell, in
+ * half-sizes of the cell. */
 static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 {
     int k;
