@@ -463,10 +463,34 @@ rank 0 2 &
 rank 1 2
 wait
 grep -q '"segment": 1' part_1.json || complain "JSON: no segment"
+mv part_0.err part_0.first
 rank 0 1 # a scheduler runs finished jobs again
 grep -q 'part_0.saga is already finished' part_0.err || complain "$(cat part_0.err)"
 expect 0 cap -o nets "${small[@]}" --segment 2 --networks-only --resume
 says 'nets is already finished'
+# The instruction set: forced, named, and the same for all parts or a warning.
+SAGA_CPU=baseline expect 0 cap -o base.saga "${small[@]}" --segment 2 --only 0 \
+    --networks nets
+grep -q 'encode: instruction set baseline' err || complain "$(cat err)"
+if grep -q 'instruction set x86-64' part_0.first; then
+    grep -q 'nets was computed with instruction set x86-64-v3, so' err ||
+        complain "no word of two instruction sets: $(cat err)"
+    ! cmp -s base.saga part_0.saga || complain "SAGA_CPU changes nothing"
+fi
+! grep -q 'was computed with' part_0.first || complain "$(cat part_0.first)"
+SAGA_CPU=x86-64-v9 expect 2 cap -o x.saga "${small[@]}"
+says "SAGA_CPU: is 'x86-64-v9', which this machine does not have"
+rm -f base.saga base.saga.part
+# On a machine without AVX the program gives the bytes of the baseline. The
+# variable of OpenMP keeps the program from starting again outside of qemu.
+if [ -n "${SAGA_TEST_LONG:-}" ] && command -v qemu-x86_64-static >/dev/null; then
+    SAGA_CPU=baseline expect 0 cap -o base.saga --primitives 50 --iterations 40
+    OMP_WAIT_POLICY=passive qemu-x86_64-static -cpu Nehalem "$saga" encode cap \
+        -o old.saga --primitives 50 --iterations 40 >out 2>err </dev/null ||
+        complain "without AVX: status $?: $(tail -n 1 err)"
+    cmp -s base.saga old.saga || complain "without AVX: another file"
+    rm -f base.saga old.saga
+fi
 expect 2 cap -o part_0.saga "${small[@]}" --segment 2 --only 1 --networks nets \
     --resume
 says 'part_0.saga exists and is not the part of this command'

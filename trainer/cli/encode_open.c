@@ -314,6 +314,8 @@ static int open_training(saga_encode_session *s)
                       : saga_train_new(&s->capture, &t, &s->error);
     if (!s->train)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    s->plan.from = resume ? s->checkpoint : t.networks;
+    s->plan.isa = t.isa;
     return SAGA_EXIT_OK;
 }
 
@@ -327,9 +329,25 @@ static int open_log(saga_encode_session *s)
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
+/* Says on which instruction set the training computes, and warns if what it
+ * continues from was computed on one with other results. */
+static void print_isa(const saga_encode_plan *plan)
+{
+    const saga_isa isa = saga_isa_used();
+
+    saga_cli_error(0, "encode: instruction set %s", saga_isa_text(isa));
+    if (plan->from && plan->isa != saga_isa_same(isa))
+        saga_cli_error(0,
+                       "encode: %s was computed with instruction set %s, so "
+                       "the file will differ from that of one machine; to "
+                       "prevent this, set SAGA_CPU=baseline on all machines",
+                       plan->from, saga_isa_text(plan->isa));
+}
+
 /* Reports the reasons for values that the user did not give. */
 static void print_plan(const saga_encode_session *s)
 {
+    print_isa(&s->plan);
     if (s->plan.why.primitives[0])
         saga_cli_error(0, "encode: %s", s->plan.why.primitives);
     if (s->plan.why.iterations[0])

@@ -12,6 +12,7 @@
 #include "encode_options.h"
 #include "encode_poses.h"
 #include "encode_progress.h"
+#include "isa.h"
 #include "output.h"
 #include "train.h"
 
@@ -25,6 +26,8 @@ typedef struct saga_encode_plan {
                     * file's; 0: no sweep */
     size_t wanted; /* requested size of the file in bytes; 0: none */
     saga_plan_reasons why;
+    const char *from; /* what the training continues from, or NULL */
+    saga_isa isa;     /* with which that was computed */
 } saga_encode_plan;
 
 /* A session holds everything that is open, and the results. */

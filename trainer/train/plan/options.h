@@ -10,6 +10,7 @@
 #include "ablation.h"
 #include "capture.h"
 #include "error.h"
+#include "isa.h"
 #include "splat.h"
 
 #include <stdbool.h>
@@ -95,6 +96,7 @@ typedef struct saga_train_options {
     double checkpoint_seconds; /* seconds between two checkpoints, >= 0 */
     saga_train_progress_fn *progress; /* or NULL */
     void *progress_user;
+    saga_isa isa; /* of the checkpoint that saga_train_adopt has read */
 } saga_train_options;
 
 /* The part of a segment's iterations that the warm-up has; the rendering stage

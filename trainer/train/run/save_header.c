@@ -35,6 +35,7 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     h->layers = (uint64_t)t->o.n_layers;
     h->teachers = (uint64_t)t->o.n_teachers;
     h->paper = t->o.paper;
+    h->isa = (uint64_t)saga_isa_same(saga_isa_used());
     /* If all segments are trained here, `only` is the number of segments, which
      * is the index of none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
@@ -190,8 +191,8 @@ void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c)
     saga_checkpoint_walk(c, h, sizeof *h);
     c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS || !has_turns(h) ||
                 h->primitives > UINT32_MAX || h->coarse > UINT32_MAX ||
-                h->fine > UINT32_MAX || h->warm - 1 >= INT_MAX / 2 ||
-                h->render - 1 >= INT_MAX / 2;
+                h->isa > SAGA_ISA_V4 || h->fine > UINT32_MAX ||
+                h->warm - 1 >= INT_MAX / 2 || h->render - 1 >= INT_MAX / 2;
 }
 
 static bool read_header(saga_train_header *h, const char *checkpoint,
@@ -228,6 +229,7 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
         o->n_primitives = (uint32_t)h.primitives;
     if (o->n_iterations == 0)
         o->n_iterations = (int)(h.warm + h.render);
+    o->isa = (saga_isa)h.isa;
     return true;
 }
 

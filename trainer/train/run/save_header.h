@@ -15,6 +15,7 @@ typedef struct {
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
     uint64_t layers, teachers, paper;
+    uint64_t isa;  /* saga_isa_same of the level that computed it */
     uint64_t only; /* the segment in training, if its networks are
                     * from another training; otherwise n_segments
                     * of the options, which is no segment */

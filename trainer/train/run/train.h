@@ -135,7 +135,7 @@ saga_train *saga_train_new(const saga_capture *capture,
  * read. */
 int saga_train_stopped_in(const char *checkpoint, saga_error *error);
 
-/* Sets n_primitives and n_iterations, where they are 0, to those of a
+/* Sets n_primitives and n_iterations, where they are 0, and isa to those of a
  * checkpoint or a file of networks. Returns false with *error set if it cannot
  * be read. */
 bool saga_train_adopt(saga_train_options *options, const char *checkpoint,
