@@ -140,14 +140,17 @@ double saga_plan_primitives_of_size(double n_bytes)
                 n_bytes / SMALL_NBYTES);
 }
 
-/* The fit is linear in primitives and pixels (docs/results/rd.md): 12,000
- * iterations take 0.27 CPU minutes for 1,000 primitives and 0.7 for pictures of
- * 100,000 pixels. */
+/* 12,000 iterations take 0.27 CPU minutes for 1,000 primitives and 0.7 for
+ * pictures of 100,000 pixels (docs/results/rd.md). The last term is small for
+ * small pictures; it was fitted to pictures of a megapixel, in which a
+ * primitive covers more pixels and the primitives no longer fit in a cache
+ * (tests/train/test_preset.c lists the times). */
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels)
 {
     return n_iterations / 12000 *
-           (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
+           (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000 +
+            0.022 * (n_primitives / 1000) * (pixels / 100000));
 }
 
 /* The detail that is learned about a primitive grows with the logarithm of the
