@@ -61,8 +61,8 @@ void saga_train_free_base(saga_backdrop *b)
 
 bool saga_train_keep_base(saga_train *t, saga_error *error)
 {
-    const saga_splat_params *const from = &t->decoded_twin.attr;
-    const size_t n = t->decoded.n.prim;
+    const saga_splat_params *const from = &t->packed.twin.attr;
+    const size_t n = t->packed.scene.n.prim;
     saga_backdrop *const b = &t->backdrop;
 
     if (!saga_train_alloc_base(b, (uint32_t)n, t->capture->n_views, error))
@@ -77,7 +77,7 @@ bool saga_train_keep_base(saga_train *t, saga_error *error)
         saga_splat_camera camera;
 
         saga_pictures_camera(&camera, &t->pictures, (saga_sample){ .view = v });
-        saga_twin_colour(&t->decoded_twin, &t->decoded, camera.centre);
+        saga_twin_colour(&t->packed.twin, &t->packed.scene, camera.centre);
         memcpy(b->seen[v].colour, from->colour, 3 * n * sizeof(real));
     }
     return true;

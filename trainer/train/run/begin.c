@@ -65,22 +65,23 @@ const double *saga_train_exposure(const saga_train *t)
 
 void saga_train_set_flat(saga_train *t)
 {
-    t->flat_options.n_primitives = saga_train_share(t);
+    t->warm.options.n_primitives = saga_train_share(t);
     /* A capture of one frame cannot move. For others, the end of a warm-up with
      * temporal tools decides it. */
-    t->flat_options.temporal = t->capture->n_frames > 1 &&
+    t->warm.options.temporal = t->capture->n_frames > 1 &&
                                t->o.motion != SAGA_TRAIN_STILL;
     if (t->backdrop.n)
-        t->flat_options.start = R(SAGA_START_ON_BASE);
+        t->warm.options.start = R(SAGA_START_ON_BASE);
 }
 
 void saga_train_set_splats(saga_train *t)
 {
-    const saga_model *const m = &t->file.networks.scene.model;
+    const saga_model *const m = &t->packed.file.networks.scene.model;
 
     /* A file has one kind of splat, for which its networks were trained. */
-    t->pictures.tools = t->file.encoder ? m->tools & SAGA_TOOLS_SPLAT
-                                        : saga_plan_splats(&t->o, &t->ablation);
+    t->pictures.tools = t->packed.file.encoder
+                            ? m->tools & SAGA_TOOLS_SPLAT
+                            : saga_plan_splats(&t->o, &t->ablation);
 }
 
 bool saga_train_look_at(saga_train *t, const saga_capture *capture,
@@ -142,7 +143,7 @@ static bool check_room(const saga_train *t, saga_error *error)
 
 bool saga_train_set_up(saga_train *t, saga_error *error)
 {
-    saga_flat_options *const f = &t->flat_options;
+    saga_flat_options *const f = &t->warm.options;
 
     if (!saga_options_check(&t->o, t->capture, error) ||
         !saga_options_ablation(&t->ablation, &t->o, error))
@@ -152,7 +153,7 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
         return false;
     t->policy.lambda = t->o.lambda;
     t->room = saga_plan_room(&t->o);
-    t->explained = (double)NAN;
+    t->render.explained = (double)NAN;
     *f = saga_flat_defaults();
     f->n_iterations = t->o.n_warm;
     f->seed = t->o.seed;
@@ -180,19 +181,19 @@ saga_train *saga_train_make(const saga_capture *capture,
 
 void saga_train_end_segment(saga_train *t)
 {
-    saga_fit_free(t->fit);
-    saga_params_free(&t->target);
-    saga_scene_free(&t->scene);
-    saga_twin_free(&t->decoded_twin);
-    saga_scene_free(&t->decoded);
-    saga_flat_free(t->flat);
-    saga_novel_free(&t->novel);
+    saga_fit_free(t->render.fit);
+    saga_params_free(&t->render.target);
+    saga_scene_free(&t->render.scene);
+    saga_twin_free(&t->packed.twin);
+    saga_scene_free(&t->packed.scene);
+    saga_flat_free(t->warm.flat);
+    saga_novel_free(&t->warm.novel);
     saga_pictures_free(&t->pictures);
-    free(t->bytes);
+    free(t->packed.bytes);
     /* The other members become empty when they are freed. */
-    t->fit = NULL;
-    t->flat = NULL;
-    t->bytes = NULL;
+    t->render.fit = NULL;
+    t->warm.flat = NULL;
+    t->packed.bytes = NULL;
 }
 
 void saga_train_free(saga_train *t)
@@ -200,7 +201,7 @@ void saga_train_free(saga_train *t)
     if (!t)
         return;
     saga_train_end_segment(t);
-    saga_packed_free(&t->file);
+    saga_packed_free(&t->packed.file);
     saga_train_free_base(&t->backdrop);
     free(t->exposures);
     free(t);

@@ -34,7 +34,7 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
 /* Returns the share of the segment in training of a number of anchors. */
 static uint32_t of_segment(const saga_train *t, uint32_t anchors)
 {
-    return (uint32_t)((uint64_t)anchors * t->flat_options.n_primitives /
+    return (uint32_t)((uint64_t)anchors * t->warm.options.n_primitives /
                       t->o.n_primitives);
 }
 
@@ -53,8 +53,8 @@ static bool build(saga_train *t, uint32_t *source,
     bool ok;
 
     /* If networks exist, their model holds for all segments. */
-    if (t->file.encoder)
-        model = t->file.networks.scene.model;
+    if (t->packed.file.encoder)
+        model = t->packed.file.networks.scene.model;
     else
         saga_train_model(&model, t);
     saga_hierarchy_defaults(&o);
@@ -63,7 +63,7 @@ static bool build(saga_train *t, uint32_t *source,
     o.max_fine = of_segment(t, t->o.n_fine);
     o.seed = t->o.seed;
     ok = score &&
-         saga_layers_build(&t->scene, source, &layers, &all, &o, error);
+         saga_layers_build(&t->render.scene, source, &layers, &all, &o, error);
     free(score);
     return ok;
 }
@@ -119,8 +119,8 @@ static bool keep_opaque(uint32_t *index, uint32_t n,
 static bool keep(saga_splat_params *kept, uint32_t *n, saga_train *t,
                  saga_error *error)
 {
-    const saga_splat_params flat = saga_flat_params(t->flat);
-    const uint32_t all = saga_flat_count(t->flat);
+    const saga_splat_params flat = saga_flat_params(t->warm.flat);
+    const uint32_t all = saga_flat_count(t->warm.flat);
     /* The base of the segments has its place already. */
     const uint32_t base = t->backdrop.n;
     uint32_t *index;
@@ -159,18 +159,18 @@ static bool propose(saga_train *t, saga_error *error)
     ok = saga_params_gather(&pool, &kept, NULL, n, error) && source;
     /* Attributes without a tool are removed first, so that the tree does not
      * depend on them. */
-    if (ok && t->dynamic && t->flat_options.temporal) {
-        saga_plan_reduce(&pool, n, t->tools);
+    if (ok && t->render.dynamic && t->warm.options.temporal) {
+        saga_plan_reduce(&pool, n, t->render.tools);
         saga_targets_centre(&pool, n);
     } else if (ok)
         saga_targets_freeze(&pool, n);
     ok = ok && build(t, source, &kept, &pool, n, error);
     /* A base has no temporal attributes, even if the model of the file has. */
-    t->scene.still = saga_train_in_base(t);
-    ok = ok &&
-         saga_params_gather(&t->target, &pool, source, t->scene.n.prim, error);
+    t->render.scene.still = saga_train_in_base(t);
+    ok = ok && saga_params_gather(&t->render.target, &pool, source,
+                                  t->render.scene.n.prim, error);
     saga_params_free(&pool);
-    if (n < saga_flat_count(t->flat))
+    if (n < saga_flat_count(t->warm.flat))
         saga_params_free(&kept);
     free(source);
     return ok;
@@ -204,17 +204,18 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
                            .seed = t->o.seed,
                            .raw_networks = t->ablation.raw_networks,
                            .keep_sources = t->o.paper,
-                           .given = t->file.encoder ? &t->file.networks
-                                                    : NULL };
+                           .given = t->packed.file.encoder
+                                        ? &t->packed.file.networks
+                                        : NULL };
 
     /* A training restored from a checkpoint already has lambda, but not the
      * prices that follow from it. */
     saga_train_settle_price(t);
     o.price = t->policy.price;
-    t->fitting = true;
+    t->render.fitting = true;
     saga_train_end_teaching(t);
     if (!propose(t, error))
         return false;
-    t->fit = saga_fit_new(&t->scene, &t->pictures, &o, error);
-    return t->fit != NULL;
+    t->render.fit = saga_fit_new(&t->render.scene, &t->pictures, &o, error);
+    return t->render.fit != NULL;
 }

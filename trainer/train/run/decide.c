@@ -20,15 +20,15 @@ void saga_train_model(saga_model *m, const saga_train *t)
 {
     const saga_model_terms terms = terms_of(t);
 
-    saga_plan_model(m, &terms, t->tools | t->pictures.tools);
+    saga_plan_model(m, &terms, t->render.tools | t->pictures.tools);
 }
 
 uint32_t saga_train_room(const saga_train *t, uint32_t n)
 {
     saga_model m;
 
-    if (t->file.encoder)
-        m = t->file.networks.scene.model;
+    if (t->packed.file.encoder)
+        m = t->packed.file.networks.scene.model;
     else
         saga_train_model(&m, t);
     /* Base and segment are counted together, as one segment. */
@@ -40,14 +40,14 @@ uint32_t saga_train_room(const saga_train *t, uint32_t n)
 
 static bool find_motion(saga_train *t, saga_error *error)
 {
-    saga_motion_found found = { t->flat_options.temporal, t->explained,
-                                t->changing };
-    const bool ok = saga_plan_motion(&found, t->flat, &t->pictures, t->o.motion,
-                                     error);
+    saga_motion_found found = { t->warm.options.temporal, t->render.explained,
+                                t->render.changing };
+    const bool ok = saga_plan_motion(&found, t->warm.flat, &t->pictures,
+                                     t->o.motion, error);
 
-    t->dynamic = found.moves;
-    t->explained = found.explained;
-    t->changing = found.changing;
+    t->render.dynamic = found.moves;
+    t->render.explained = found.explained;
+    t->render.changing = found.changing;
     return ok;
 }
 
@@ -56,16 +56,16 @@ static bool choose_tools(saga_train *t, saga_error *error)
     const saga_tool_question q = { .terms = terms_of(t),
                                    .lambda = t->policy.lambda,
                                    .pictures = &t->pictures,
-                                   .flat = saga_flat_params(t->flat),
-                                   .n = saga_flat_count(t->flat),
-                                   .moves = t->dynamic };
+                                   .flat = saga_flat_params(t->warm.flat),
+                                   .n = saga_flat_count(t->warm.flat),
+                                   .moves = t->render.dynamic };
     saga_tool_choice choice;
     const bool ok = saga_plan_tools(&choice, &q, error);
 
-    t->tools = choice.tools;
-    memcpy(t->tool, choice.tool, sizeof t->tool);
+    t->render.tools = choice.tools;
+    memcpy(t->render.tool, choice.tool, sizeof t->render.tool);
     /* Without any temporal tool that pays, the scene is a still. */
-    t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
+    t->render.dynamic = (t->render.tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
     return ok;
 }
 
@@ -75,15 +75,15 @@ static saga_base_question base_question(const saga_train *t)
     return (saga_base_question){ .options = &t->o,
                                  .ablation = &t->ablation,
                                  .wanders = t->capture->moves,
-                                 .moves = t->dynamic };
+                                 .moves = t->render.dynamic };
 }
 
 static void choose_base(saga_train *t)
 {
     saga_base_question q = base_question(t);
 
-    q.flat = saga_flat_params(t->flat);
-    q.n = saga_flat_count(t->flat);
+    q.flat = saga_flat_params(t->warm.flat);
+    q.n = saga_flat_count(t->warm.flat);
     q.room = saga_train_room(t, UINT32_MAX);
     saga_plan_base(&t->base, &q);
 }
@@ -93,7 +93,8 @@ bool saga_train_decide(saga_train *t, saga_error *error)
     /* Later turns keep the tools of the first one, because the networks depend
      * on them. */
     if (t->turn > 0) {
-        t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
+        t->render.tools = t->packed.file.networks.scene.model.tools &
+                          SAGA_TOOLS_PICTURE;
         return true;
     }
     /* The order matters: temporal tools are judged only if something moves, and
@@ -123,17 +124,18 @@ bool saga_train_steer(saga_train *t, saga_error *error)
     const saga_size_terms terms = size_terms(t, 0);
     /* Only the first turn is steered, since all turns use its networks and its
      * step. */
-    const double over = t->o.n_bytes && t->turn == 0
-                            ? saga_size_moment(saga_fit_iteration(t->fit),
-                                               t->o.n_render)
-                            : 0;
-    const double n = (double)t->scene.n.coarse * t->scene.model.features;
+    const double over =
+        t->o.n_bytes && t->turn == 0
+            ? saga_size_moment(saga_fit_iteration(t->render.fit), t->o.n_render)
+            : 0;
+    const double n = (double)t->render.scene.n.coarse *
+                     t->render.scene.model.features;
 
     if (!(over > 0))
         return true;
     if (!saga_train_measure_size(t, error))
         return false;
-    saga_fit_scale_step(t->fit, saga_size_step(&terms, over, n));
+    saga_fit_scale_step(t->render.fit, saga_size_step(&terms, over, n));
     return true;
 }
 

@@ -34,8 +34,8 @@ static bool measure_scene(saga_train *t, saga_quality *q,
 /* Makes the twin of the decoded scene. */
 static bool make_decoded(saga_train *t, saga_error *error)
 {
-    const saga_scene *const s = &t->decoded;
-    saga_twin *const w = &t->decoded_twin;
+    const saga_scene *const s = &t->packed.scene;
+    saga_twin *const w = &t->packed.twin;
 
     if (!saga_twin_init(w, s, error) ||
         !saga_twin_refresh(w, s, s->coarse_feature, error))
@@ -49,8 +49,9 @@ static bool make_decoded(saga_train *t, saga_error *error)
 bool saga_train_draw(saga_train *t, float *image, int view, int frame,
                      saga_error *error)
 {
-    return saga_quality_draw(image, &t->pictures, &t->decoded, &t->decoded_twin,
-                             (saga_sample){ view, frame, 0 }, error);
+    return saga_quality_draw(image, &t->pictures, &t->packed.scene,
+                             &t->packed.twin, (saga_sample){ view, frame, 0 },
+                             error);
 }
 
 /* --- Packing ------------------------------------------------------------- */
@@ -63,7 +64,7 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
 
     /* The ranges of F_color's activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
-    saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
+    saga_twin_colour(twin, saga_fit_scene(t->render.fit), cam.centre);
     return saga_pack_open(file, in, &t->pictures, level, error) &&
            (t->o.no_exposure || saga_pack_exposures(file, &t->pictures, error));
 }
@@ -101,22 +102,23 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
                     const saga_pack_input *in, saga_error *error)
 {
     saga_packed trial = { .encoder = NULL };
-    saga_packed *const file = how == TRIAL ? &trial : &t->file;
+    saga_packed *const file = how == TRIAL ? &trial : &t->packed.file;
     saga_quantise_report quantise;
     bool ok = file->encoder || begin_file(file, t, level, twin, in, error);
 
     /* A base alone is no file, so no bytes are made. */
     if (ok && saga_train_in_base(t))
-        return saga_pack_base(file, &quantise, &t->decoded, in, error);
+        return saga_pack_base(file, &quantise, &t->packed.scene, in, error);
     /* The training for a base's networks ends here: begin_file has coded the
      * networks. */
     if (how == FINAL && !is_segment(t))
         return ok;
-    ok = ok && saga_pack_segment(file, (uint32_t)place_of(t),
-                                 (uint32_t)t->capture->n_frames, &quantise,
-                                 how == TRIAL ? NULL : &t->decoded, in, error);
-    ok = ok && saga_encoder_finish(file->encoder, &t->bytes, &t->nbytes,
-                                   &t->report.sizes, error);
+    ok = ok &&
+         saga_pack_segment(file, (uint32_t)place_of(t),
+                           (uint32_t)t->capture->n_frames, &quantise,
+                           how == TRIAL ? NULL : &t->packed.scene, in, error);
+    ok = ok && saga_encoder_finish(file->encoder, &t->packed.bytes,
+                                   &t->packed.nbytes, &t->report.sizes, error);
     if (ok && how != TRIAL)
         t->report.quantise.n_clamped += quantise.n_clamped;
     /* The bytes of a trial are copies, so its file can be freed; otherwise
@@ -174,36 +176,37 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
     const bool final = how == FINAL;
     saga_train_report *const r = &t->report;
     real *const feature = saga_alloc(
-        (size_t)t->scene.n.coarse * t->scene.model.features, sizeof *feature,
-        "features as they are coded", error);
+        (size_t)t->render.scene.n.coarse * t->render.scene.model.features,
+        sizeof *feature, "features as they are coded", error);
     saga_rate_choice choice;
-    saga_twin *const twin = feature
-                                ? saga_fit_code(t->fit, feature, &choice, error)
-                                : NULL;
+    saga_twin *const twin = feature ? saga_fit_code(t->render.fit, feature,
+                                                    &choice, error)
+                                    : NULL;
     const saga_pack_input in = { &choice, twin, feature,
-                                 saga_fit_weights(t->fit), t->room };
+                                 saga_fit_weights(t->render.fit), t->room };
     const bool measured = final && is_segment(t);
-    bool ok = twin &&
-              (!measured || measure_scene(t, &r->model, saga_fit_scene(t->fit),
-                                          twin, error));
+    bool ok = twin && (!measured || measure_scene(t, &r->model,
+                                                  saga_fit_scene(t->render.fit),
+                                                  twin, error));
 
     /* The float model is measured above with the fit's twin, the decoded one
      * below with a twin of its own, which exists after packing. */
     ok = ok && pack_at(t, level, how, twin, &in, error);
     if (ok && measured)
         ok = make_decoded(t, error) &&
-             measure_scene(t, &r->coded, &t->decoded, &t->decoded_twin, error);
+             measure_scene(t, &r->coded, &t->packed.scene, &t->packed.twin,
+                           error);
     free(feature);
     if (is_segment(t))
-        keep_counts(&r->n, &t->scene.n);
+        keep_counts(&r->n, &t->render.scene.n);
     r->base = t->base;
     /* Steering multiplies the prices, and lambda is proportional to them. */
-    r->lambda = t->policy.lambda * saga_fit_price(t->fit) /
+    r->lambda = t->policy.lambda * saga_fit_price(t->render.fit) /
                 t->policy.price.residual;
-    r->dynamic = t->dynamic;
-    memcpy(r->tool, t->tool, sizeof r->tool);
-    r->explained = t->explained;
-    r->changing = t->changing;
+    r->dynamic = t->render.dynamic;
+    memcpy(r->tool, t->render.tool, sizeof r->tool);
+    r->explained = t->render.explained;
+    r->changing = t->render.changing;
     /* The first turn makes the networks, so their numbers are from it. */
     if (twin && t->turn == 0) {
         keep_entropy(&r->entropy, &choice);
@@ -212,19 +215,20 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
     if (twin)
         saga_rate_choice_free(&choice);
     return ok && (t->turn > 0 ||
-                  saga_fit_weight_bits(&r->weight_bits, t->fit, error));
+                  saga_fit_weight_bits(&r->weight_bits, t->render.fit, error));
 }
 
 /* Reads t->report.info with the decoder. If it refuses the bytes, frees them
  * and returns false. */
 static bool probe(saga_train *t, saga_error *error)
 {
-    const saga_status s = saga_probe(&t->report.info, t->bytes, t->nbytes);
+    const saga_status s = saga_probe(&t->report.info, t->packed.bytes,
+                                     t->packed.nbytes);
 
     if (!s)
         return true;
-    free(t->bytes);
-    t->bytes = NULL;
+    free(t->packed.bytes);
+    t->packed.bytes = NULL;
     return saga_fail(error, NULL, "report it",
                      "the decoder refuses the file: "
                      "%s",
@@ -235,8 +239,8 @@ bool saga_train_measure_size(saga_train *t, saga_error *error)
 {
     const bool ok = pack(t, t->o.level, TRIAL, error);
 
-    free(t->bytes);
-    t->bytes = NULL;
+    free(t->packed.bytes);
+    t->packed.bytes = NULL;
     return ok;
 }
 
@@ -245,7 +249,7 @@ bool saga_train_polish(saga_train *t, saga_error *error)
     saga_fit_polished polished;
 
     /* A training that only makes the networks is not kept. */
-    return !is_segment(t) || saga_fit_polish(t->fit, &polished, error);
+    return !is_segment(t) || saga_fit_polish(t->render.fit, &polished, error);
 }
 
 bool saga_train_pack(saga_train *t, saga_error *error)
@@ -253,9 +257,9 @@ bool saga_train_pack(saga_train *t, saga_error *error)
     /* The size of later segments depends on what primitives took in the
      * finished ones (size.c). */
     if (is_segment(t)) {
-        t->n_finished += t->scene.n.prim;
-        return saga_quality_add(&t->report.warm, t->capture, flat_psnr, t->flat,
-                                error) &&
+        t->n_finished += t->render.scene.n.prim;
+        return saga_quality_add(&t->report.warm, t->capture, flat_psnr,
+                                t->warm.flat, error) &&
                pack(t, t->o.level, FINAL, error) && probe(t, error);
     }
     /* The training is one for the networks, or the base, which is kept in its

@@ -17,13 +17,13 @@ static bool pack_so_far(saga_train *t, saga_error *error)
                          "which alone no file can be made");
     /* The segment is rounded in its present state and packed after the finished
      * ones. */
-    if (t->fitting) {
-        saga_fit_cut_short(t->fit);
+    if (t->render.fitting) {
+        saga_fit_cut_short(t->render.fit);
         return saga_train_pack_blind(t, error);
     }
     if (t->turn > (t->base.n_prim ? 2 : 0))
-        return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
-                                   &t->report.sizes, error);
+        return saga_encoder_finish(t->packed.file.encoder, &t->packed.bytes,
+                                   &t->packed.nbytes, &t->report.sizes, error);
     return saga_fail(error, t->o.checkpoint,
                      "try again in the rendering "
                      "stage",
@@ -81,9 +81,9 @@ bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
     ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
     /* From here on, the caller owns the bytes. */
     if (ok) {
-        *bytes = t->bytes;
-        *nbytes = t->nbytes;
-        t->bytes = NULL;
+        *bytes = t->packed.bytes;
+        *nbytes = t->packed.nbytes;
+        t->packed.bytes = NULL;
     }
     saga_train_free(t);
     saga_capture_free(&capture);

@@ -36,7 +36,7 @@ static const char *stage_name(saga_train_stage stage)
  * trial. Returns 0 if it fails. */
 static double try_iterations(const saga_train *t, saga_error *error)
 {
-    saga_flat_options o = t->flat_options;
+    saga_flat_options o = t->warm.options;
     double begun = 0, spent = 0, mse;
     saga_flat *f;
     int n = 0;
@@ -70,12 +70,12 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
      * trainings of the file. */
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
-        fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm, t->n_teachers,
-                             t->capture),
+        fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm,
+                             t->warm.n_teachers, t->capture),
              LEAST_TIMED),
         MOST_TIMED);
     saga_options_derive(&t->o);
-    t->flat_options.n_iterations = t->o.n_warm;
+    t->warm.options.n_iterations = t->o.n_warm;
     return true;
 }
 
@@ -96,7 +96,7 @@ int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage)
 int saga_train_stage_iteration(const saga_train *t)
 {
     return t->stage == SAGA_TRAIN_WARM     ? saga_train_warm_iteration(t)
-           : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit)
+           : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->render.fit)
                                            : 0;
 }
 
@@ -146,7 +146,8 @@ bool saga_train_notify(const saga_train *t)
         .n_iterations = saga_train_stage_iterations(t, t->stage),
         .all = saga_train_iteration(t),
         .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
-        .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
+        .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->render.fit)
+                                              : 0,
         .done = (t->turn + work_done(t) / work_of_all(t)) /
                 (t->o.networks ? t->turn + 1
                                : saga_train_n_turns(t, t->base.n_prim > 0))

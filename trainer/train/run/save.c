@@ -13,7 +13,7 @@
 /* Writes or reads networks and report of the finished segments. */
 static void walk_file(saga_train *t, saga_checkpoint *c)
 {
-    saga_fit_networks *const n = &t->file.networks;
+    saga_fit_networks *const n = &t->packed.file.networks;
 
     saga_checkpoint_walk(c, n->scene.params,
                          n->scene.n_reals * sizeof *n->scene.params);
@@ -52,7 +52,7 @@ static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
 
 static void write_finished(saga_train *t, saga_checkpoint *c)
 {
-    saga_encoder_save(t->file.encoder, c);
+    saga_encoder_save(t->packed.file.encoder, c);
     walk_file(t, c);
     walk_exposures(t, c);
     walk_base(t, c, NULL);
@@ -75,8 +75,8 @@ bool saga_train_save(saga_train *t, saga_error *error)
     if (t->turn > 0)
         write_finished(t, &c);
     saga_train_save_warm(t, &c);
-    if (t->fitting)
-        saga_fit_walk(t->fit, &c);
+    if (t->render.fitting)
+        saga_fit_walk(t->render.fit, &c);
     return saga_checkpoint_close(&c, true, error);
 }
 
@@ -120,7 +120,7 @@ static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     if (!saga_train_begin_fit(t, error))
         return false;
-    saga_fit_walk(t->fit, c);
+    saga_fit_walk(t->render.fit, c);
     return true;
 }
 
@@ -130,17 +130,17 @@ static void adopt_iterations(saga_train *t, const saga_train_header *h)
     t->o.n_warm = (int)h->warm;
     t->o.n_render = (int)h->render;
     t->o.n_iterations = t->o.n_warm + t->o.n_render;
-    t->flat_options.n_iterations = t->o.n_warm;
+    t->warm.options.n_iterations = t->o.n_warm;
 }
 
 static bool read_finished(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     /* The encoder's model determines the scene into which the networks are
      * read. */
-    t->file.encoder = saga_encoder_restore(c, error);
-    if (!t->file.encoder ||
-        !saga_scene_init(&t->file.networks.scene,
-                         saga_encoder_model(t->file.encoder),
+    t->packed.file.encoder = saga_encoder_restore(c, error);
+    if (!t->packed.file.encoder ||
+        !saga_scene_init(&t->packed.file.networks.scene,
+                         saga_encoder_model(t->packed.file.encoder),
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
@@ -166,7 +166,7 @@ static bool adopt_primitives(saga_train *t, const saga_train_header *h)
     t->o.n_primitives = (uint32_t)h->primitives;
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
-    t->flat_options.n_primitives = t->o.n_primitives;
+    t->warm.options.n_primitives = t->o.n_primitives;
     return true;
 }
 
@@ -212,14 +212,15 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
     t->n_pixels = h->n_pixels;
     t->o.first = (int)h->first;
     t->turn = (int)h->turn;
-    t->dynamic = h->dynamic != 0;
-    t->tools = (uint32_t)h->tools & SAGA_TOOLS_PICTURE;
+    t->render.dynamic = h->dynamic != 0;
+    t->render.tools = (uint32_t)h->tools & SAGA_TOOLS_PICTURE;
     for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
-        t->tool[i] = (saga_train_tool){ h->tool[i].worth, h->tool[i].cost,
-                                        h->tool[i].asked != 0,
-                                        h->tool[i].kept != 0 };
-    t->explained = h->explained;
-    t->changing = h->changing;
+        t->render.tool[i] = (saga_train_tool){ h->tool[i].worth,
+                                               h->tool[i].cost,
+                                               h->tool[i].asked != 0,
+                                               h->tool[i].kept != 0 };
+    t->render.explained = h->explained;
+    t->render.changing = h->changing;
     /* This is lambda as the rule or the steering of the size has set it. In the
      * warm-up nothing has set it but the option, which may be another now. */
     if (saga_train_header_settled(h))

@@ -44,17 +44,17 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     h->lambda = t->o.lambda;
     h->chosen_lambda = t->policy.lambda;
     h->stage = (uint64_t)t->stage;
-    h->fitting = t->fitting;
-    h->dynamic = t->dynamic;
-    h->tools = t->tools;
+    h->fitting = t->render.fitting;
+    h->dynamic = t->render.dynamic;
+    h->tools = t->render.tools;
     for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++) {
-        h->tool[i].worth = t->tool[i].worth;
-        h->tool[i].cost = t->tool[i].cost;
-        h->tool[i].asked = t->tool[i].asked;
-        h->tool[i].kept = t->tool[i].kept;
+        h->tool[i].worth = t->render.tool[i].worth;
+        h->tool[i].cost = t->render.tool[i].cost;
+        h->tool[i].asked = t->render.tool[i].asked;
+        h->tool[i].kept = t->render.tool[i].kept;
     }
-    h->explained = t->explained;
-    h->changing = t->changing;
+    h->explained = t->render.explained;
+    h->changing = t->render.changing;
     h->recent_mse = t->recent_mse;
 }
 

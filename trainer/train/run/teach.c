@@ -15,31 +15,32 @@ enum { STREAM_TEACHER = 600 };
 
 bool saga_train_place_teachers(saga_train *t, saga_error *error)
 {
-    t->n_teachers = 0;
+    t->warm.n_teachers = 0;
     if (saga_train_in_base(t) ||
         !saga_plan_may_teach(&t->o, &t->ablation, &t->pictures))
         return true;
-    if (!saga_novel_init(&t->novel, &t->pictures, error))
+    if (!saga_novel_init(&t->warm.novel, &t->pictures, error))
         return false;
-    if (t->novel.n_views > 0)
-        t->n_teachers = t->o.n_teachers;
+    if (t->warm.novel.n_views > 0)
+        t->warm.n_teachers = t->o.n_teachers;
     return true;
 }
 
 bool saga_train_is_teaching(const saga_train *t)
 {
-    return t->novel.n_teachers < t->n_teachers;
+    return t->warm.novel.n_teachers < t->warm.n_teachers;
 }
 
 int saga_train_warm_iterations(const saga_train *t)
 {
-    return t->n_teachers * saga_plan_teacher_length(t->o.n_warm) + t->o.n_warm;
+    return t->warm.n_teachers * saga_plan_teacher_length(t->o.n_warm) +
+           t->o.n_warm;
 }
 
 int saga_train_warm_iteration(const saga_train *t)
 {
-    return t->novel.n_teachers * saga_plan_teacher_length(t->o.n_warm) +
-           saga_flat_iteration(t->flat);
+    return t->warm.novel.n_teachers * saga_plan_teacher_length(t->o.n_warm) +
+           saga_flat_iteration(t->warm.flat);
 }
 
 /* Returns the options of the set in training: the next teacher, or the
@@ -47,11 +48,11 @@ int saga_train_warm_iteration(const saga_train *t)
 static saga_flat_options options_of(const saga_train *t)
 {
     const saga_rng r = saga_rng_stream(t->o.seed, STREAM_TEACHER);
-    saga_flat_options o = t->flat_options;
+    saga_flat_options o = t->warm.options;
 
     if (saga_train_is_teaching(t)) {
         o.n_iterations = saga_plan_teacher_length(t->o.n_warm);
-        o.seed = saga_rng_bits(r, (uint64_t)t->novel.n_teachers);
+        o.seed = saga_rng_bits(r, (uint64_t)t->warm.novel.n_teachers);
     }
     return o;
 }
@@ -59,8 +60,8 @@ static saga_flat_options options_of(const saga_train *t)
 /* Only the warm-up sees the pictures that teachers draw; teachers do not. */
 static void show(saga_train *t)
 {
-    t->pictures.novel = t->n_teachers > 0 && !saga_train_is_teaching(t)
-                            ? &t->novel
+    t->pictures.novel = t->warm.n_teachers > 0 && !saga_train_is_teaching(t)
+                            ? &t->warm.novel
                             : NULL;
 }
 
@@ -69,8 +70,8 @@ bool saga_train_begin_warm(saga_train *t, saga_error *error)
     const saga_flat_options o = options_of(t);
 
     show(t);
-    t->flat = saga_flat_new(&t->pictures, &o, error);
-    return t->flat != NULL;
+    t->warm.flat = saga_flat_new(&t->pictures, &o, error);
+    return t->warm.flat != NULL;
 }
 
 bool saga_train_end_teacher(saga_train *t, saga_error *error)
@@ -78,13 +79,14 @@ bool saga_train_end_teacher(saga_train *t, saga_error *error)
     saga_splat_params p;
     bool ok;
 
-    if (!saga_train_is_teaching(t) ||
-        saga_flat_iteration(t->flat) < saga_plan_teacher_length(t->o.n_warm))
+    if (!saga_train_is_teaching(t) || saga_flat_iteration(t->warm.flat) <
+                                          saga_plan_teacher_length(t->o.n_warm))
         return true;
-    p = saga_flat_params(t->flat);
-    ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);
-    saga_flat_free(t->flat);
-    t->flat = NULL;
+    p = saga_flat_params(t->warm.flat);
+    ok = saga_novel_teach(&t->warm.novel, &p, saga_flat_count(t->warm.flat),
+                          error);
+    saga_flat_free(t->warm.flat);
+    t->warm.flat = NULL;
     /* The mean error starts again with the next set. */
     t->recent_mse = 0;
     return ok && saga_train_begin_warm(t, error);
@@ -101,11 +103,11 @@ void saga_train_end_teaching(saga_train *t)
 
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c)
 {
-    uint64_t n = (uint64_t)t->n_teachers;
+    uint64_t n = (uint64_t)t->warm.n_teachers;
 
     saga_checkpoint_walk(c, &n, sizeof n);
-    saga_novel_walk(&t->novel, 0, c, NULL);
-    saga_flat_save(t->flat, c);
+    saga_novel_walk(&t->warm.novel, 0, c, NULL);
+    saga_flat_save(t->warm.flat, c);
 }
 
 bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
@@ -118,15 +120,15 @@ bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
     if (!saga_train_place_teachers(t, error))
         return false;
     saga_checkpoint_walk(c, &n, sizeof n);
-    saga_novel_walk(&t->novel, saga_caps[t->o.level].n_prim, c, error);
-    if (n > SAGA_NOVEL_MOST_TEACHERS || (int)n < t->novel.n_teachers ||
-        (n > 0 && t->novel.n_views == 0))
+    saga_novel_walk(&t->warm.novel, saga_caps[t->o.level].n_prim, c, error);
+    if (n > SAGA_NOVEL_MOST_TEACHERS || (int)n < t->warm.novel.n_teachers ||
+        (n > 0 && t->warm.novel.n_views == 0))
         c->failed = true;
     if (c->failed)
         return false;
-    t->n_teachers = (int)n;
+    t->warm.n_teachers = (int)n;
     o = options_of(t);
     show(t);
-    t->flat = saga_flat_restore(&t->pictures, &o, c, error);
-    return t->flat != NULL;
+    t->warm.flat = saga_flat_restore(&t->pictures, &o, c, error);
+    return t->warm.flat != NULL;
 }

@@ -36,8 +36,8 @@ static bool begin_with_networks(saga_train *t, saga_error *error)
                saga_train_begin_warm(t, error);
     t->turn = 0;
     t->stage = SAGA_TRAIN_N_STAGES;
-    return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
-                               &t->report.sizes, error);
+    return saga_encoder_finish(t->packed.file.encoder, &t->packed.bytes,
+                               &t->packed.nbytes, &t->report.sizes, error);
 }
 
 saga_train *saga_train_new(const saga_capture *capture,
@@ -98,7 +98,7 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
         return false;
     /* Only the pictures of one segment are in memory. */
     saga_train_end_segment(t);
-    t->fitting = false;
+    t->render.fitting = false;
     if (!saga_train_look_at(t, capture, error))
         return false;
     /* The number of primitives depends on the turn. */
@@ -120,8 +120,8 @@ static void settle_count(saga_train *t)
 {
     const bool free = t->turn == 0 && !saga_train_is_teaching(t);
     const uint32_t n = !free ? 0
-                             : saga_plan_count(&t->o, t->flat, t->recent_mse,
-                                               &t->pictures);
+                             : saga_plan_count(&t->o, t->warm.flat,
+                                               t->recent_mse, &t->pictures);
 
     if (n == 0)
         return;
@@ -129,8 +129,8 @@ static void settle_count(saga_train *t)
     t->o.n_primitives = n;
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
-    t->flat_options.n_primitives = n;
-    saga_flat_aim(t->flat, n);
+    t->warm.options.n_primitives = n;
+    saga_flat_aim(t->warm.flat, n);
 }
 
 static bool train_step(saga_train *t, double *mse, saga_error *error)
@@ -141,9 +141,10 @@ static bool train_step(saga_train *t, double *mse, saga_error *error)
         if (!saga_train_end_teacher(t, error))
             return false;
         settle_count(t);
-        return saga_flat_iterate(t->flat, mse, error);
+        return saga_flat_iterate(t->warm.flat, mse, error);
     }
-    return saga_train_steer(t, error) && saga_fit_iterate(t->fit, mse, error);
+    return saga_train_steer(t, error) &&
+           saga_fit_iterate(t->render.fit, mse, error);
 }
 
 /* Runs the remaining iterations of the stage. Reports each, and writes a
@@ -193,7 +194,7 @@ static bool begin_rendering(saga_train *t, saga_error *error)
     if (!saga_train_decide(t, error))
         return false;
     if (!saga_train_begin_fit(t, error) ||
-        !saga_fit_start(t->fit, &t->target, error))
+        !saga_fit_start(t->render.fit, &t->render.target, error))
         return false;
     /* What cannot be packed fails here, before the rendering stage. Later turns
      * have the networks of the first. */
@@ -250,6 +251,6 @@ const saga_train_report *saga_train_report_of(const saga_train *t)
 
 const uint8_t *saga_train_bytes(const saga_train *t, size_t *n)
 {
-    *n = t->nbytes;
-    return t->bytes;
+    *n = t->packed.nbytes;
+    return t->packed.bytes;
 }

@@ -21,6 +21,37 @@
 
 #include <stdio.h>
 
+/* The warm-up of a segment and its teachers (teach.c, begin.c). */
+typedef struct saga_train_warm {
+    saga_flat_options options; /* a teacher's differ */
+    saga_novel novel;          /* the segment's teachers so far */
+    int n_teachers;            /* that the segment gets: the option, or 0 */
+    saga_flat *flat;           /* the warm-up or, until there are n_teachers,
+                                * the next teacher */
+} saga_train_warm;
+
+/* The rendering stage of a segment (decide.c, begin_fit.c). */
+typedef struct saga_train_render {
+    bool fitting, dynamic;
+    uint32_t tools; /* SAGA_TOOL_* bits of the picture */
+    saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts on them */
+    double explained, changing;
+    saga_scene scene;
+    saga_splat_params target; /* (prim) in order of ranks, with arrays of its
+                               * own */
+    saga_fit *fit;
+} saga_train_render;
+
+/* What is packed (finish.c). */
+typedef struct saga_train_packed {
+    saga_scene scene; /* the segment as a decoder has it, in float */
+    saga_twin twin;
+    saga_packed file; /* the file with the finished segments */
+    uint8_t *bytes;   /* bytes of that file, when the segment is
+                       * finished */
+    size_t nbytes;
+} saga_train_packed;
+
 struct saga_train {
     const saga_capture *capture;
     saga_pictures pictures; /* made from capture */
@@ -34,8 +65,6 @@ struct saga_train {
     saga_policy policy;     /* from the end of the warm-up on; only lambda
                              * before */
     double room;            /* room in the networks' formats (pack.h) */
-    saga_train_base base;   /* set at the end of the first warm-up */
-    saga_backdrop backdrop; /* the decoded base; empty until then */
     int turn;               /* number of finished trainings. With a base
                              * they are the one for the networks, the base,
                              * and all segments; without one, all
@@ -46,32 +75,15 @@ struct saga_train {
     saga_train_stage stage; /* stage of the segment in training */
     double recent_mse;      /* mean over recent pictures of the stage, for
                              * progress and price; 0: none yet */
-    saga_flat_options flat_options; /* options of the warm-up; a teacher's
-                                     * differ */
-    saga_novel novel;               /* the segment's teachers so far */
-    int n_teachers;  /* that the segment gets: the option, or 0 */
-    saga_flat *flat; /* the warm-up or, until there are n_teachers,
-                      * the next teacher */
 
-    /* The rest is set from the rendering stage on. */
-    bool fitting, dynamic;
-    uint32_t tools; /* SAGA_TOOL_* bits of the picture */
-    saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts on them */
-    double explained, changing;
-    saga_scene scene;
-    saga_splat_params target; /* (prim) in order of ranks, with arrays of its
-                               * own */
-    saga_fit *fit;
+    /* Each stage sets its part. */
+    saga_train_warm warm;
+    saga_train_render render;
+    saga_train_packed packed;
+    saga_train_base base;   /* set at the end of the first warm-up */
+    saga_backdrop backdrop; /* the decoded base; empty until then */
 
-    saga_scene decoded; /* the decoded scene, in float */
-    saga_twin decoded_twin;
-
-    saga_packed file; /* the file with the finished segments */
-    uint8_t *bytes;   /* bytes of that file, when the segment is
-                       * finished */
-    size_t nbytes;
     saga_train_report report;
-
     double saved; /* time of the last checkpoint, in seconds of
                    * saga_clock_seconds */
     saga_error complaint;
@@ -128,20 +140,20 @@ void saga_train_set_splats(saga_train *t);
 /* begin_fit.c */
 /* Sets lambda, if the rule decides it, and the policy. */
 void saga_train_settle_price(saga_train *t);
-/* Builds the hierarchy and the fit, when t->dynamic is decided. */
+/* Builds the hierarchy and the fit, when t->render.dynamic is decided. */
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* teach.c */
 /* Decides whether the segment has teachers, and places their cameras. Its
  * pictures and the base must be set. */
 bool saga_train_place_teachers(saga_train *t, saga_error *error);
-/* Tells whether t->flat is a teacher. */
+/* Tells whether t->warm.flat is a teacher. */
 bool saga_train_is_teaching(const saga_train *t);
 /* Return the iterations of the warm-up and all teachers: their total, and the
  * number done. */
 int saga_train_warm_iterations(const saga_train *t);
 int saga_train_warm_iteration(const saga_train *t);
-/* Makes t->flat, which is the next teacher or the warm-up. */
+/* Makes t->warm.flat, which is the next teacher or the warm-up. */
 bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
  * begins the next teacher or the warm-up. */
@@ -149,7 +161,7 @@ bool saga_train_end_teacher(saga_train *t, saga_error *error);
 /* Is called before the rendering stage. In a moving scene no picture is from
  * the teachers any more. */
 void saga_train_end_teaching(saga_train *t);
-/* Save and restore the teachers and t->flat. */
+/* Save and restore the teachers and t->warm.flat. */
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
 bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error);
 
