@@ -72,9 +72,10 @@ static int train_row(saga_train *t, const char *row, double factor)
            "\"fine\": %u, \"primitives\": %u, \"tools\": %u, "
            "\"iterations\": [%d, %d], \"bytes\": %zu, \"networks\": %zu, "
            "\"warm_up\": %.3f, \"training\": %.3f, \"held_out\": %.3f}\n",
-           row, factor, r->lambda, r->n.fine, r->n.prim, t->scene.model.tools,
-           t->o.n_warm, t->o.n_render, n, r->sizes.networks, r->warm.training,
-           r->coded.training, r->coded.held_out);
+           row, factor, r->lambda, r->n.fine, r->n.prim,
+           t->render.scene.model.tools, t->o.n_warm, t->o.n_render, n,
+           r->sizes.networks, r->warm.training, r->coded.training,
+           r->coded.held_out);
     return fflush(stdout) ? fail("no room for the output") : 0;
 }
 

@@ -119,18 +119,18 @@ trained tiny_train(const saga_capture *c, const saga_train_options *o)
 
 void tiny_begin_fit(saga_train *t)
 {
-    saga_fit_free(t->fit);
-    saga_params_free(&t->target);
-    saga_scene_free(&t->scene);
+    saga_fit_free(t->render.fit);
+    saga_params_free(&t->render.target);
+    saga_scene_free(&t->render.scene);
     assert_done(saga_train_begin_fit(t, &error));
-    assert_done(saga_fit_start(t->fit, &t->target, &error));
+    assert_done(saga_fit_start(t->render.fit, &t->render.target, &error));
 }
 
 double tiny_start_psnr(saga_train *t)
 {
     FREED_BY(saga_canvas_free) saga_canvas c;
-    saga_twin *const w = &t->fit->twin;
-    const uint32_t prims = t->scene.n.prim;
+    saga_twin *const w = &t->render.fit->twin;
+    const uint32_t prims = t->render.scene.n.prim;
     double sum = 0;
     int n = 0;
 
@@ -140,9 +140,10 @@ double tiny_start_psnr(saga_train *t)
             const saga_sample p = { .view = view, .frame = frame };
 
             saga_pictures_aim(&c, &t->pictures, p);
-            assert_done(saga_splat_forward(&c, &t->target, prims, &error));
+            assert_done(
+                saga_splat_forward(&c, &t->render.target, prims, &error));
             memcpy(c.truth, c.image, TINY_PICTURE * sizeof *c.truth);
-            saga_twin_colour(w, &t->fit->used, c.camera.centre);
+            saga_twin_colour(w, &t->render.fit->used, c.camera.centre);
             assert_done(saga_splat_forward(&c, &w->attr, prims, &error));
             sum += saga_canvas_mse(&c);
         }

@@ -30,7 +30,7 @@ static saga_fit_polished polish(saga_train *t)
 {
     saga_fit_polished p;
 
-    assert_done(saga_fit_polish(t->fit, &p, &error));
+    assert_done(saga_fit_polish(t->render.fit, &p, &error));
     return p;
 }
 
@@ -41,7 +41,7 @@ static double code(saga_train *t, real *feature)
     FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     double bits = 0;
 
-    assert_non_null(saga_fit_code(t->fit, feature, &c, &error));
+    assert_non_null(saga_fit_code(t->render.fit, feature, &c, &error));
     for (int i = 0; i < SAGA_N_STEPS; i++)
         bits += c.bits[i];
     return bits;
@@ -49,7 +49,7 @@ static double code(saga_train *t, real *feature)
 
 static size_t n_features(const saga_train *t)
 {
-    return (size_t)t->scene.n.coarse * t->scene.model.features;
+    return (size_t)t->render.scene.n.coarse * t->render.scene.model.features;
 }
 
 TEST(polish_should_gain_about_what_it_foretells)
@@ -75,7 +75,7 @@ TEST(polish_should_move_features_by_whole_steps)
     FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 90);
     const size_t n = n_features(t);
-    const double step = saga_fit_feature_step(&t->scene);
+    const double step = saga_fit_feature_step(&t->render.scene);
     real *const was = calloc(2 * n, sizeof *was), *const is = was + n;
     size_t moved = 0;
 
@@ -93,7 +93,7 @@ TEST(polish_should_move_features_by_whole_steps)
     }
     /* The first turn moves at most one feature in half of the blocks, the
      * second one in three eighths of them. */
-    assert_true(moved > 0 && moved < n / t->scene.model.features);
+    assert_true(moved > 0 && moved < n / t->render.scene.model.features);
     free(was);
     saga_train_free(t);
 }
@@ -107,7 +107,7 @@ TEST(polish_should_save_bits_when_they_are_dear)
 
     assert_non_null(feature);
     before = code(t, feature);
-    t->fit->o.price.residual *= 1000;
+    t->render.fit->o.price.residual *= 1000;
     polish(t);
     assert_true(code(t, feature) < before);
     saga_train_free(t);
@@ -121,8 +121,8 @@ TEST(polish_should_leave_short_renderings_alone)
     FREED real *const was = malloc(nbytes);
 
     assert_non_null(was);
-    memcpy(was, t->scene.coarse_feature, nbytes);
+    memcpy(was, t->render.scene.coarse_feature, nbytes);
     assert_int_equal(polish(t).n_turns, 0);
-    assert_memory_equal(was, t->scene.coarse_feature, nbytes);
+    assert_memory_equal(was, t->render.scene.coarse_feature, nbytes);
     saga_train_free(t);
 }

@@ -542,7 +542,7 @@ TEST(train_should_refuse_impossible_numbers)
     saga_bytes b;
 
     assert_true(saga_read_file(&b, room.checkpoint, &error));
-    iteration = place_of_iteration(&b, &t->scene);
+    iteration = place_of_iteration(&b, &t->render.scene);
     saga_train_free(t);
     {
         const struct {
@@ -562,7 +562,7 @@ TEST(train_should_refuse_impossible_numbers)
     }
     write_changed(&b, iteration, 4);
     t = tiny_resume(&room.capture, &o);
-    assert_int_equal(saga_fit_iteration(t->fit), 4);
+    assert_int_equal(saga_fit_iteration(t->render.fit), 4);
     saga_train_free(t);
     free(b.data);
 }

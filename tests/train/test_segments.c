@@ -126,8 +126,8 @@ static int set_up_fixture(void **state, bool has_base)
     find_still(f);
     t = begin(f, &s, &options);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
-    f->n = t->nbytes;
-    f->bytes = copy_of(t->bytes, f->n);
+    f->n = t->packed.nbytes;
+    f->bytes = copy_of(t->packed.bytes, f->n);
     f->report = *saga_train_report_of(t);
     assert_int_equal(f->report.base.n_prim > 0, has_base);
     saga_train_free(t);
@@ -260,10 +260,10 @@ static void first_should_make_the_networks(void **state)
     assert_int_equal(info.n_frames, N * FRAMES);
     index = t->report.sizes.header;
     assert_int_equal(f->report.sizes.header, index);
-    payload_should_equal(f, t->bytes, SAGA_CHUNK_NETS, index, index);
-    assert_ok(saga_find(&seg, t->bytes, t->nbytes, 0, 1));
+    payload_should_equal(f, t->packed.bytes, SAGA_CHUNK_NETS, index, index);
+    assert_ok(saga_find(&seg, t->packed.bytes, t->packed.nbytes, 0, 1));
     for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
-        payload_should_equal(f, t->bytes, layers[i],
+        payload_should_equal(f, t->packed.bytes, layers[i],
                              find(f, FIRST * FRAMES, 1).offset, seg.offset);
     for (uint32_t i = 0; i < N; i++)
         sum += find(f, i * FRAMES, 1).nbytes;
@@ -337,7 +337,7 @@ static double near_decoder(saga_train *t)
 
     for (int frame = 0; frame < FRAMES; frame++) {
         assert_done(saga_train_draw(t, image, 0, frame, &error));
-        tiny_draw(rgb, t->bytes, t->nbytes,
+        tiny_draw(rgb, t->packed.bytes, t->packed.nbytes,
                   (uint32_t)((N - 1) * FRAMES + frame));
         for (size_t i = 0; i < PICTURE; i++) {
             const double x = (double)image[i % 3 * (PICTURE / 3) + i / 3];
@@ -378,11 +378,11 @@ static void networks_should_stay_what_they_are(void **state)
     slice s;
 
     t = stopped(f, &s, &o, &last);
-    made = &t->file.networks.scene;
-    assert_int_equal(saga_fit_n_params(&t->scene), made->n_reals);
-    assert_memory_equal(t->scene.params, made->params,
+    made = &t->packed.file.networks.scene;
+    assert_int_equal(saga_fit_n_params(&t->render.scene), made->n_reals);
+    assert_memory_equal(t->render.scene.params, made->params,
                         made->n_reals * sizeof *made->params);
-    assert_memory_equal(t->fit->params, made->params,
+    assert_memory_equal(t->render.fit->params, made->params,
                         made->n_reals * sizeof *made->params);
     saga_train_free(t);
 }
@@ -403,12 +403,13 @@ static void fit_should_begin_near_the_warm_up(void **state)
     t = stopped(f, &s, &o, &start);
     tiny_begin_fit(t);
     begun = tiny_start_psnr(t);
-    scene = t->fit->scene;
+    scene = t->render.fit->scene;
     for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features; i++)
         scene->coarse_feature[i] =
-            t->fit->rate.constants
+            t->render.fit->rate.constants
                 .mean[SAGA_KIND_COARSE][4 + i % scene->model.features];
-    saga_twin_geometry(&t->fit->twin, &t->fit->used, scene->coarse_feature);
+    saga_twin_geometry(&t->render.fit->twin, &t->render.fit->used,
+                       scene->coarse_feature);
     mean = tiny_start_psnr(t);
     print_message("start: %.1f dB beside the warm-up's pictures, mean features "
                   "%.1f dB\n",
@@ -512,8 +513,8 @@ static void train_should_resume_to_the_same_file(void **state)
         tint(t);
     }
     assert_int_equal(i, N_PLACES - 1);
-    assert_int_equal(t->nbytes, f->n);
-    assert_memory_equal(t->bytes, f->bytes, f->n);
+    assert_int_equal(t->packed.nbytes, f->n);
+    assert_memory_equal(t->packed.bytes, f->bytes, f->n);
     assert_int_equal(t->report.model.n_training, f->report.model.n_training);
     assert_true(fabs(t->report.model.training - f->report.model.training) <
                 1e-9);
@@ -572,9 +573,9 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_true(times > 1.2);
     assert_true(fabs((double)t->base.n_kept / by_law->n_kept - times) < 0.06);
     assert_true(t->base.n_prim + N * t->base.n_kept < N * 150);
-    print_message("%zu bytes, of %zu\n", t->nbytes, o.n_bytes);
-    assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.05);
-    bytes = copy_of(t->bytes, t->nbytes);
+    print_message("%zu bytes, of %zu\n", t->packed.nbytes, o.n_bytes);
+    assert_true(fabs((double)t->packed.nbytes / (double)o.n_bytes - 1) < 0.05);
+    bytes = copy_of(t->packed.bytes, t->packed.nbytes);
     saga_train_free(t);
     o.checkpoint = f->room.checkpoint;
     t = stopped(f, &s, &o, &place);
@@ -583,7 +584,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_done(t = saga_train_resume(slice_of(&s, f, FIRST), &o, &error));
     tint(t);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
-    assert_memory_equal(t->bytes, bytes, t->nbytes);
+    assert_memory_equal(t->packed.bytes, bytes, t->packed.nbytes);
     saga_train_free(t);
 }
 
@@ -647,10 +648,10 @@ static void segment_should_be_trained_alone(void **state)
         t = train_alone(f, k, networks);
         /* Without a base the file also has the segment that made the networks,
          * which comes first if k is later. */
-        assert_ok(saga_find(&seg, t->bytes, t->nbytes,
+        assert_ok(saga_find(&seg, t->packed.bytes, t->packed.nbytes,
                             k > FIRST && !f->has_base ? FRAMES : 0, 1));
         for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
-            payload_should_equal(f, t->bytes, layers[i],
+            payload_should_equal(f, t->packed.bytes, layers[i],
                                  find(f, (uint32_t)k * FRAMES, 1).offset,
                                  seg.offset);
         saga_train_free(t);

@@ -169,9 +169,9 @@ TEST(level_should_leave_out_the_faintest)
 
     level_has = ROOM;
     t = tiny_train_until(&room.capture, &o, &begun);
-    assert_int_equal(t->scene.n.prim, ROOM);
-    all = sorted(saga_flat_params(t->flat).opacity, N);
-    kept = sorted(t->target.opacity, ROOM);
+    assert_int_equal(t->render.scene.n.prim, ROOM);
+    all = sorted(saga_flat_params(t->warm.flat).opacity, N);
+    kept = sorted(t->render.target.opacity, ROOM);
     /* The targets' opacities are rounded once more. */
     for (int i = 0; i < ROOM; i++)
         assert_true(fabs((double)kept[i] - (double)all[i]) < 1e-5);

@@ -101,7 +101,8 @@ static void chunks_should_be_what_was_spent(const saga_encode_sizes *z)
  * after many iterations with a high lambda. */
 static void make_rare(saga_train *t, double step)
 {
-    const size_t n = (size_t)t->scene.n.coarse * t->scene.model.features;
+    const size_t n = (size_t)t->render.scene.n.coarse *
+                     t->render.scene.model.features;
     const saga_rng r = saga_rng_stream(3, 3);
 
     for (size_t i = 0; i < n; i++) {
@@ -109,14 +110,15 @@ static void make_rare(saga_train *t, double step)
         const double far = 30 + 30 * saga_rng_double(r, 2 * i + 1);
         const double q = x < 0.01 ? far : x < 0.02 ? -far : x < 0.2;
 
-        t->scene.coarse_feature[i] = (real)(q * step);
+        t->render.scene.coarse_feature[i] = (real)(q * step);
     }
 }
 
 /* Keeps the networks of every kind, whatever they are worth. */
 static void keep_all(saga_train *t)
 {
-    memset(t->fit->rate.context.keep, 0xff, sizeof t->fit->rate.context.keep);
+    memset(t->render.fit->rate.context.keep, 0xff,
+           sizeof t->render.fit->rate.context.keep);
 }
 
 /* The estimated bits of the rounded residuals must agree with the bits that the
@@ -141,8 +143,9 @@ TEST(train_should_estimate_what_is_written)
         if (variant == 2)
             keep_all(t);
         if (variant == 1)
-            make_rare(t, ldexp(t->scene.model.step_q16[SAGA_STEP_FEATURE],
-                               -16 - t->scene.model.out_q[SAGA_OUT_COARSE]));
+            make_rare(
+                t, ldexp(t->render.scene.model.step_q16[SAGA_STEP_FEATURE],
+                         -16 - t->render.scene.model.out_q[SAGA_OUT_COARSE]));
         r = tiny_finish(t);
         for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
             assert_true(agrees(saga_component_name(saga_component_of(coded[i])),
@@ -257,8 +260,8 @@ static void predict_decoded(near_integers *t, saga_twin *w)
 /* Uses the plain update of the bank from here on. */
 static void write_plainly(saga_train *t)
 {
-    t->scene.model.tools |= SAGA_TOOL_PLAIN_WRITE;
-    t->fit->used.model.tools |= SAGA_TOOL_PLAIN_WRITE;
+    t->render.scene.model.tools |= SAGA_TOOL_PLAIN_WRITE;
+    t->render.fit->used.model.tools |= SAGA_TOOL_PLAIN_WRITE;
 }
 
 static void should_be_near(saga_train *t, bool plain)
@@ -271,12 +274,12 @@ static void should_be_near(saga_train *t, bool plain)
     if (plain)
         write_plainly(t);
     for (int net = 0; net < SAGA_N_NETS; net++)
-        t->fit->rate.decision.step[net] = ldexp(1, -13);
+        t->render.fit->rate.decision.step[net] = ldexp(1, -13);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
     bytes = saga_train_bytes(t, &n);
-    near.s = &t->decoded;
+    near.s = &t->packed.scene;
     assert_int_equal(!(near.s->model.tools & SAGA_TOOL_PLAIN_WRITE), !plain);
-    predict_decoded(&near, &t->decoded_twin);
+    predict_decoded(&near, &t->packed.twin);
     assert_int_equal(recorder_compare(compare, &near, bytes, n), 1);
     print_message("%zu values: mu within %.4f steps, log2 sigma %.4f, reads "
                   "%.5f\n",
@@ -311,15 +314,15 @@ TEST(rate_should_be_near_the_integer_path)
  * are the same, parameters differ. */
 static void add_fuse(saga_train *t)
 {
-    saga_scene old = t->scene;
-    saga_scene *const s = &t->scene;
+    saga_scene old = t->render.scene;
+    saga_scene *const s = &t->render.scene;
     const saga_fit_options o = { .n_render = t->o.n_render,
                                  .seed = 1,
                                  .price = t->policy.price };
     saga_error error = { "" };
     saga_model m = old.model;
 
-    saga_fit_free(t->fit);
+    saga_fit_free(t->render.fit);
     m.width[SAGA_NET_FUSE_C] = m.width[SAGA_NET_FUSE_F] = 32;
     assert_true(saga_scene_init(s, &m, old.n, old.n_nodes, 7, &error));
     memcpy(s->split, old.split, old.n_nodes);
@@ -330,9 +333,9 @@ static void add_fuse(saga_train *t)
     memcpy(s->reals, old.reals,
            (size_t)(old.params - old.reals) * sizeof *old.reals);
     saga_scene_free(&old);
-    t->fit = saga_fit_new(s, &t->pictures, &o, &error);
-    assert_non_null(t->fit);
-    assert_true(saga_fit_start(t->fit, &t->target, &error));
+    t->render.fit = saga_fit_new(s, &t->pictures, &o, &error);
+    assert_non_null(t->render.fit);
+    assert_true(saga_fit_start(t->render.fit, &t->render.target, &error));
 }
 
 /* If bits cost nearly nothing, 16 features for each of 150 primitives must
@@ -369,16 +372,17 @@ static double worst_scale(const saga_train *t)
     FREED_BY(saga_film_close) saga_film film;
     uint32_t number;
 
-    assert_done(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
+    assert_done(saga_film_open(&film, "x", t->packed.bytes, t->packed.nbytes, 1,
+                               &error));
     assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
     assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
-    for (uint32_t i = 0; i < t->decoded.n.prim; i++) {
+    for (uint32_t i = 0; i < t->packed.scene.n.prim; i++) {
         saga_animated a;
 
         assert_ok(saga_primitive_at(&a, film.dec, i, 0));
         for (uint32_t k = 0; k < 3; k++)
             worst = fmax(
-                worst, fabs((double)t->decoded_twin.attr.log2_scale[3 * i + k] +
+                worst, fabs((double)t->packed.twin.attr.log2_scale[3 * i + k] +
                             23 - a.log2_scale_q10[k] / 1024.0));
     }
     return worst;
@@ -393,12 +397,12 @@ static double picture_near(saga_train *t)
     FREED_BY(saga_canvas_free) saga_canvas c;
     double sum = 0;
 
-    tiny_draw(rgb, t->bytes, t->nbytes, 0);
+    tiny_draw(rgb, t->packed.bytes, t->packed.nbytes, 0);
     assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
     saga_pictures_aim(&c, &t->pictures, first);
-    saga_twin_colour(&t->decoded_twin, &t->decoded, c.camera.centre);
-    assert_done(saga_splat_forward(&c, &t->decoded_twin.attr, t->decoded.n.prim,
-                                   &error));
+    saga_twin_colour(&t->packed.twin, &t->packed.scene, c.camera.centre);
+    assert_done(saga_splat_forward(&c, &t->packed.twin.attr,
+                                   t->packed.scene.n.prim, &error));
     for (int i = 0; i < 64 * 36; i++)
         for (int k = 0; k < 3; k++) {
             const double x = (double)c.image[64 * 36 * k + i];
@@ -435,9 +439,11 @@ TEST(scene_should_be_near_the_integer_path)
         if (fuse)
             add_fuse(t);
         end_near_the_decoder(t, fuse ? "with Fuse" : "without Fuse");
-        assert_int_equal(t->decoded.net[SAGA_NET_FUSE_C].n_layers, 2 * fuse);
-        assert_int_equal(t->decoded.net[SAGA_NET_FUSE_F].n_layers, 2 * fuse);
-        assert_true(t->decoded.model.tools & SAGA_TOOL_VIEW);
+        assert_int_equal(t->packed.scene.net[SAGA_NET_FUSE_C].n_layers,
+                         2 * fuse);
+        assert_int_equal(t->packed.scene.net[SAGA_NET_FUSE_F].n_layers,
+                         2 * fuse);
+        assert_true(t->packed.scene.model.tools & SAGA_TOOL_VIEW);
         saga_train_free(t);
     }
 }
@@ -458,7 +464,7 @@ TEST(paper_model_should_be_whole_or_lose_what_is_ablated)
             o.ablate = "no-bank,no-hash,no-fuse,nearest";
         t = train_until(&o, SAGA_TRAIN_RENDER);
         end_near_the_decoder(t, without ? "paper, ablated" : "paper");
-        m = &t->decoded.model;
+        m = &t->packed.scene.model;
         assert_int_equal(!(m->tools & SAGA_TOOL_HASH), without);
         assert_int_equal(!(m->tools & SAGA_TOOL_BANK), without);
         assert_true(without || !(m->tools & SAGA_TOOL_PLAIN_WRITE));
@@ -466,8 +472,9 @@ TEST(paper_model_should_be_whole_or_lose_what_is_ablated)
             assert_int_equal(!m->width[saga_fuse_net(i)], without);
             assert_int_equal(m->tier[i].neighbours == 1, without);
         }
-        assert_int_equal(t->decoded.n.prim, 150);
-        assert_true(t->decoded.n.fine <= 75 && t->decoded.n.coarse <= 38);
+        assert_int_equal(t->packed.scene.n.prim, 150);
+        assert_true(t->packed.scene.n.fine <= 75 &&
+                    t->packed.scene.n.coarse <= 38);
         saga_train_free(t);
     }
 }
@@ -483,14 +490,14 @@ TEST(motion_should_be_cut_where_training_cut_it)
 
     o.lambda = 22;
     t = train_until(&o, SAGA_TRAIN_RENDER);
-    saga_model_rows(rows, &t->scene.model);
+    saga_model_rows(rows, &t->render.scene.model);
     assert_true(rows[SAGA_OUT_MOTION1].n);
-    geo = &t->scene.net[SAGA_NET_GEO];
+    geo = &t->render.scene.net[SAGA_NET_GEO];
     geo->b[geo->n_layers - 1][rows[SAGA_OUT_MOTION1].first] = 500;
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
-    assert_int_equal(t->decoded.model.out_q[SAGA_OUT_MOTION1], 8);
-    for (uint32_t i = 0; i < t->decoded.n.prim; i++)
-        assert_true(t->decoded_twin.attr.motion[9 * i] == R(32767) / 256);
+    assert_int_equal(t->packed.scene.model.out_q[SAGA_OUT_MOTION1], 8);
+    for (uint32_t i = 0; i < t->packed.scene.n.prim; i++)
+        assert_true(t->packed.twin.attr.motion[9 * i] == R(32767) / 256);
     saga_train_free(t);
 }
 
@@ -570,16 +577,19 @@ TEST(layers_should_not_know_of_each_other)
     o.n_coarse = 150;
     o.n_fine = 300;
     t = train_until(&o, SAGA_TRAIN_PACK);
-    s = &t->scene;
+    s = &t->render.scene;
     for (size_t i = 0; i < 4 * (size_t)s->n.coarse; i++)
         s->coarse_x[i] = 0;
     for (size_t i = 0; i < 4 * (size_t)s->n.fine; i++)
         s->fine_x[i] = 0;
     for (size_t i = 0; i < 4 * (size_t)s->n.prim; i++)
         s->prim_x[i] = 0;
-    assert_done(saga_twin_refresh(&t->fit->twin, s, s->coarse_feature, &error));
-    links_should_stay_in_a_layer(&t->fit->twin.to_fine, s, s->n.fine, false);
-    links_should_stay_in_a_layer(&t->fit->twin.to_prim, s, s->n.prim, true);
+    assert_done(
+        saga_twin_refresh(&t->render.fit->twin, s, s->coarse_feature, &error));
+    links_should_stay_in_a_layer(&t->render.fit->twin.to_fine, s, s->n.fine,
+                                 false);
+    links_should_stay_in_a_layer(&t->render.fit->twin.to_prim, s, s->n.prim,
+                                 true);
     saga_train_free(t);
 }
 
@@ -598,15 +608,15 @@ TEST(train_should_draw_positions_as_decoded)
     double step;
     saga_train *t = train_until(&o, SAGA_TRAIN_PACK);
 
-    assert_int_equal(t->scene.n.prim, t->scene.n.fine);
-    drawn = copy_of(t->fit->position,
-                    4 * (size_t)t->scene.n.prim * sizeof *drawn);
+    assert_int_equal(t->render.scene.n.prim, t->render.scene.n.fine);
+    drawn = copy_of(t->render.fit->position,
+                    4 * (size_t)t->render.scene.n.prim * sizeof *drawn);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
-    step = saga_rate_prim_step(&t->scene);
-    for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
-        const double support = (double)t->decoded_twin.support[i];
+    step = saga_rate_prim_step(&t->render.scene);
+    for (i = 0; i < 4 * (size_t)t->render.scene.n.prim; i++) {
+        const double support = (double)t->packed.twin.support[i];
 
-        far += fabs((double)(drawn[i] - t->decoded.prim_x[i])) >
+        far += fabs((double)(drawn[i] - t->packed.scene.prim_x[i])) >
                0.25 * step * support;
     }
     print_message("%zu of %zu coordinates are elsewhere\n", far, i);
@@ -624,11 +634,11 @@ TEST(entropy_networks_should_stand_still_at_last)
     tiny_stop s = { SAGA_TRAIN_RENDER, (2 * TINY_RENDER + 2) / 3 + 1, 0, 0 };
     saga_train *t = tiny_train_until(&room.capture, &o, &s);
 
-    assert_int_equal(t->fit->rate.decision.decided, 1);
-    n = saga_rate_n_params(&t->scene);
-    then = copy_of(t->scene.params, n * sizeof *then);
+    assert_int_equal(t->render.fit->rate.decision.decided, 1);
+    n = saga_rate_n_params(&t->render.scene);
+    then = copy_of(t->render.scene.params, n * sizeof *then);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
-    assert_memory_equal(then, t->scene.params, n * sizeof *then);
+    assert_memory_equal(then, t->render.scene.params, n * sizeof *then);
     saga_train_free(t);
 }
 
@@ -790,16 +800,16 @@ TEST(train_should_keep_raw_networks_fine)
     t = tiny_begin(&room.capture, &o);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
     for (int net = SAGA_NET_FUSE_C; net <= SAGA_NET_COLOUR; net++)
-        for (int l = 0; l < t->scene.net[net].n_layers; l++) {
-            const saga_net *const n = &t->scene.net[net];
+        for (int l = 0; l < t->render.scene.net[net].n_layers; l++) {
+            const saga_net *const n = &t->render.scene.net[net];
 
             for (int i = 0; i < n->dim[l] * n->dim[l + 1]; i++)
-                assert_true(
-                    fabs((double)(n->w[l][i] - t->decoded.net[net].w[l][i])) <=
-                    ldexp(0.51, -SAGA_RAW_STEP) +
-                        ldexp(fmax(ldexp(0.25, -SAGA_RAW_STEP),
-                                   ldexp(sum_of_row(n, l, i), -15)),
-                              SAGA_N_FINER - 1));
+                assert_true(fabs((double)(n->w[l][i] -
+                                          t->packed.scene.net[net].w[l][i])) <=
+                            ldexp(0.51, -SAGA_RAW_STEP) +
+                                ldexp(fmax(ldexp(0.25, -SAGA_RAW_STEP),
+                                           ldexp(sum_of_row(n, l, i), -15)),
+                                      SAGA_N_FINER - 1));
         }
     saga_train_free(t);
 }
