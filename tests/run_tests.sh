@@ -67,6 +67,16 @@ if command -v flock >/dev/null && ! flock -n 9; then
     flock 9
 fi
 
+# A video that was read before is not read again; see ffmpeg_once.sh.
+once=$(cd "$build" && pwd)/once
+rm -rf "$once"
+mkdir -p "$once/kept"
+for tool in ffmpeg ffprobe; do
+    command -v $tool >/dev/null &&
+        ln -s "$PWD/tests/support/ffmpeg_once.sh" "$once/$tool"
+done
+PATH=$once:$PATH
+
 # seconds FILE: prints the sum of user and system times that `times` wrote to
 # FILE.
 seconds() {

@@ -22,7 +22,7 @@ TEST(seed_should_be_taken)
 TEST(damage_should_be_survived)
 {
     const uint64_t first = testing_seed(1);
-    const uint64_t count = testing_count(300, 300);
+    const uint64_t count = testing_count(100, 2400);
 
     for (int k = 0; k < INPUT_N_KINDS; k++) {
         size_t n;

@@ -240,9 +240,9 @@ TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
 static void convert(folder *f, const char *ending, const char *how)
 {
     folder_run(f,
-               "for p in images/*.png; do ffmpeg -nostdin -v error -y -i $p "
-               "%s ${p%%png}%s && rm $p || exit; done; sed -i s/png/%s/ "
-               "sparse/0/images.txt",
+               "ffmpeg -nostdin -v error -i images/cam%%02d.png %s -f image2 "
+               "-start_number 0 images/cam%%02d.%s && rm images/*.png && "
+               "sed -i s/png/%s/ sparse/0/images.txt",
                how, ending, ending);
 }
 
@@ -253,7 +253,7 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
         double least;
     } t[] = {
         { "jpg", "-q:v 1 -qmin 1 -pix_fmt yuvj444p", 40 },
-        { "webp", "-lossless 1", LOSSLESS },
+        { "webp", "-c:v libwebp -lossless 1", LOSSLESS },
         { "tif", "", LOSSLESS },
         /* ffmpeg widens 8 bits by a shift, so that white is 65,280 of 65,535:
          * half of the levels come back one lower. */

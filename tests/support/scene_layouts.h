@@ -111,13 +111,23 @@ static inline void video_alone(char name[80], int view, int frame)
     snprintf(name, 80, "cam%02d.mp4", view);
 }
 
+/* Runs ffmpeg once for all files, since its start takes longer than its work;
+ * frees the words. */
+static inline void run_ffmpeg(folder *f, bytes *inputs, bytes *outputs)
+{
+    folder_run(f, "ffmpeg -nostdin -v error -y %.*s %.*s", (int)inputs->n,
+               (const char *)inputs->data, (int)outputs->n,
+               (const char *)outputs->data);
+    free(inputs->data);
+    free(outputs->data);
+}
+
 /* Writes a video of each camera to the folder, with ffmpeg's options `how`. */
 static inline void write_videos(folder *f, const char *how)
 {
     bytes inputs = { 0 }, outputs = { 0 };
 
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
-    /* One process writes all, since its start takes longer than its work. */
     for (int v = 0; v < N_VIEWS; v++) {
         put_text(&inputs,
                  "-framerate 24 -pattern_type glob -i "
@@ -125,11 +135,8 @@ static inline void write_videos(folder *f, const char *how)
                  v);
         put_text(&outputs, "-map %d %s cam%02d.mp4 ", v, how, v);
     }
-    folder_run(f, "ffmpeg -nostdin -v error -y %.*s %.*s && rm -r p",
-               (int)inputs.n, (const char *)inputs.data, (int)outputs.n,
-               (const char *)outputs.data);
-    free(inputs.data);
-    free(outputs.data);
+    run_ffmpeg(f, &inputs, &outputs);
+    folder_run(f, "rm -r p");
 }
 
 /* Writes a COLMAP model as text, with images of n_frames frames of each camera,
