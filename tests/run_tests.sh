@@ -291,7 +291,8 @@ many() {
     check exchange python3 tests/cli/check_exchange.py
     check boxes python3 tests/cli/check_boxes.py
     if command -v node >/dev/null; then
-        check reader timeout 300 node tests/cli/check_reader.mjs
+        WEB=$build/gcc/web \
+            check reader timeout 300 node tests/cli/check_reader.mjs
     else
         pass "reader skipped: node is not installed"
     fi
