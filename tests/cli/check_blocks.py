@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 
-from verdict import BUILD, ROOT, SAGA, SAGA_DEC, Verdicts
+from verdict import ROOT, SAGA, SAGA_DEC, Verdicts
 
 v = Verdicts("blocks")
 LANGUAGES = {"C": r"saga_\w+\(&", "TOML": r"\[", "Python": r"film = "}
@@ -129,7 +129,8 @@ def check_shell():
 def check_python():
     sys.path.insert(0, os.path.join(ROOT, "ports", "python"))
     os.environ.setdefault("SAGA_LIBRARY",
-                          os.path.abspath(BUILD + "/libsaga.so.0"))
+                          os.path.join(os.path.dirname(os.path.abspath(SAGA)),
+                                       "libsaga.so.0"))
     if not os.path.exists(os.environ["SAGA_LIBRARY"]):
         print("     skipped: there is no libsaga.so.0 (`make shared`)")
     else:
