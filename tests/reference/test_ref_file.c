@@ -162,7 +162,7 @@ static void play(uint64_t number, const uint8_t *base, size_t n_base,
 TEST(damage_should_be_refused_where_the_decoder_refuses)
 {
     const uint64_t first = testing_seed(0);
-    const uint64_t end = first + testing_count(500, 500);
+    const uint64_t end = first + testing_count(150, 4000);
     uint32_t n_of[2] = { 0, 0 };
     uint8_t *base = NULL;
     size_t n = 0;
