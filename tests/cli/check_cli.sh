@@ -796,9 +796,13 @@ expect 0 check "$tmp/poses/fixed.json" --fix "$tmp/poses/again.json"
 grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.json" ] ||
     complain "check --fix of what is right"
 # A folder may be named in another way, as long as it is the same folder.
-expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
-sed s/beside.ply/fixed.ply/ "$tmp/poses/beside.json" |
-    cmp -s - "$tmp/poses/fixed.json" ||
+# The capture's own points.ply is not replaced.
+echo "more" >>"$tmp/poses/points.ply"
+cp "$tmp/poses/points.ply" "$tmp/points.ply"
+expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/points.json"
+sed s/points.json.ply/fixed.json.ply/ "$tmp/poses/points.json" |
+    cmp -s - "$tmp/poses/fixed.json" &&
+    cmp -s "$tmp/points.ply" "$tmp/poses/points.ply" ||
     complain "check --fix beside the capture"
 # So must poses whose world is a mirror image, which training refuses.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
@@ -856,6 +860,13 @@ expect 0 check "$tmp/inverse/cameras.json"
 grep -q 'nerfstudio, 7 cameras, .* 2 points' "$tmp/out" &&
     ! grep -q 'do not fit' "$tmp/out" ||
     complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
+# A name that JSON cannot hold is named as such, and leaves no file.
+name=$(printf 'cam\37701.png')
+mv "$tmp/inverse/images/cam01.png" "$tmp/inverse/images/$name"
+LC_ALL=C sed -i "s/cam01.png/$name/" "$tmp/inverse/sparse/0/images.txt"
+told 2 'names in UTF-8' check "$tmp/inverse" --fix "$tmp/inverse/other.json"
+[ -z "$(find "$tmp/inverse" -name "other*")" ] ||
+    complain "check --fix left a file"
 # Small errors must be found, too. All cameras shared one lens; each must get a
 # lens of its own.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'

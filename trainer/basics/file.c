@@ -38,6 +38,15 @@ char *saga_path_join(const char *folder, const char *name, saga_error *error)
     return path;
 }
 
+char *saga_path_folder(const char *path, saga_error *error)
+{
+    const char *const slash = strrchr(path, '/');
+    char *const folder = saga_string_copy(slash ? path : ".", error);
+    if (folder && slash)
+        folder[slash > path ? slash - path : 1] = '\0';
+    return folder;
+}
+
 bool saga_path_is_file(const char *path)
 {
     struct stat st;

@@ -17,6 +17,9 @@
  * NULL or empty, or of folder if name is empty. The caller frees it. */
 char *saga_path_join(const char *folder, const char *name, saga_error *error);
 char *saga_string_copy(const char *s, saga_error *error);
+/* Returns the folder of a file, "." if its path has none. The caller frees
+ * it. */
+char *saga_path_folder(const char *path, saga_error *error);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
 /* Tells whether the folder has a regular file with this name. */

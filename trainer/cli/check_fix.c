@@ -203,25 +203,12 @@ static bool is_same(const char *a, const char *b)
            x.st_ino == y.st_ino;
 }
 
-/* Returns the folder of a capture's file, or the capture if it is a folder. The
- * caller frees it. */
-static char *folder_of(const char *path, saga_error *error)
-{
-    const char *const slash = strrchr(path, '/');
-    if (saga_path_is_folder(path))
-        return saga_string_copy(path, error);
-    char *const folder = saga_string_copy(slash ? path : ".", error);
-    if (folder && slash)
-        folder[slash > path ? slash - path : 1] = '\0';
-    return folder;
-}
-
 /* Checks that the new file is in the capture's folder, because the paths of
  * pictures in it are relative to that folder, and a JSON file of its own. */
 static bool check_place(const char *path, const char *name, const char *folder,
                         saga_error *error)
 {
-    char *const there = folder_of(path, error);
+    char *const there = saga_path_folder(path, error);
     char *const own = saga_path_join(folder, "transforms.json", error);
     const bool ok = there && own &&
                     ((is_same(folder, there) && !is_same(path, own) &&
@@ -237,6 +224,16 @@ static bool check_place(const char *path, const char *name, const char *folder,
     return ok;
 }
 
+/* Tells whether what was built since saga_json_watch is whole. */
+static bool check_built(const char *path, saga_error *error)
+{
+    if (saga_json_starved())
+        return saga_no_memory(0, path, error);
+    return !saga_json_lost() ||
+           saga_fail(error, path, "give the capture's files names in UTF-8",
+                     "JSON cannot hold a name of them");
+}
+
 static bool write_json(const char *path, const json_t *root, saga_error *error)
 {
     saga_output out;
@@ -248,15 +245,17 @@ static bool write_json(const char *path, const json_t *root, saga_error *error)
     return saga_output_close(&out, ok, error);
 }
 
-/* Writes the points beside the new file: "x.ply" beside "x.json". */
+/* Writes the points beside the new file: "x.json.ply" beside "x.json", a name
+ * that no file of a capture has. */
 static bool write_all(const writer *w, const char *path)
 {
     const saga_listing *const l = w->listing;
     const bool mirrored = w->fit->found && w->fit->mistake.mirrored;
-    char *const points = saga_string_copy(path, w->error);
+    const size_t nbytes = strlen(path) + sizeof ".ply";
+    char *const points = saga_alloc(nbytes, 1, path, w->error);
     if (!points)
         return false;
-    memcpy(strrchr(points, '.'), ".ply", sizeof ".ply");
+    (void)snprintf(points, nbytes, "%s.ply", path);
     const char *const slash = strrchr(points, '/');
     const char *const name = slash ? slash + 1 : points;
     const bool any = l->n_points > 0 && !mirrored;
@@ -266,11 +265,10 @@ static bool write_all(const writer *w, const char *path)
               stderr);
     saga_json_watch();
     json_t *const root = root_of(w, any ? name : NULL);
-    const bool ok = (!any || saga_ply_write(points, l->points, l->n_points,
+    const bool ok = check_built(path, w->error) &&
+                    (!any || saga_ply_write(points, l->points, l->n_points,
                                             w->error)) &&
-                    (saga_json_starved() || saga_json_lost()
-                         ? saga_no_memory(0, path, w->error)
-                         : write_json(path, root, w->error));
+                    write_json(path, root, w->error);
     json_decref(root);
     free(points);
     return ok;
@@ -294,7 +292,9 @@ bool saga_check_fix(const char *path, const char *name,
                     saga_error *error)
 {
     saga_listing listing = { .path = name };
-    char *const folder = folder_of(name, error);
+    char *const folder = saga_path_is_folder(name)
+                             ? saga_string_copy(name, error)
+                             : saga_path_folder(name, error);
     const writer w = { &listing, capture, &survey->calibration, folder, error };
     bool ok = folder && check_place(path, name, folder, error);
     /* If there is nothing to correct, nothing is read or written. */

@@ -11,8 +11,8 @@
 #include "survey.h"
 
 /* Writes the file to `path`, completely or not at all, with the capture's
- * points, if there are any, beside it ("x.ply" beside "x.json"); if there is
- * nothing to correct, says so on stderr and writes nothing. `name` is the
+ * points, if there are any, beside it ("x.json.ply" beside "x.json"); if there
+ * is nothing to correct, says so on stderr and writes nothing. `name` is the
  * capture, of any layout, and `options` are those it was loaded with. Returns
  * false on an error. */
 bool saga_check_fix(const char *path, const char *name,

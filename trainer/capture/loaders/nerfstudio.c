@@ -290,16 +290,6 @@ static bool read_all(saga_transforms *r, const saga_capture_options *options)
 
 /* ------------------------------------------------------------------ a file */
 
-/* Returns the folder of a path, "." if it has none. The caller frees it. */
-static char *folder_of(const char *path, saga_error *error)
-{
-    const char *const slash = strrchr(path, '/');
-    char *const folder = saga_string_copy(slash ? path : ".", error);
-    if (folder && slash)
-        folder[slash > path ? slash - path : 1] = '\0';
-    return folder;
-}
-
 static bool read_json(saga_transforms *r, int which, const char *path)
 {
     r->path = path;
@@ -314,7 +304,7 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
 {
     saga_transforms r = { .listing = listing,
                           .error = error,
-                          .folder = folder_of(json_path, error) };
+                          .folder = saga_path_folder(json_path, error) };
     /* The main file is read last, so that r.root is its top when fps, lists and
      * points are looked up. */
     listing->poses = SAGA_POSES_OPENGL;
