@@ -160,16 +160,17 @@ typedef struct saga_io {
 
 /* Each function reads or writes all fields of its structure; the buffer has the
  * sizes given above. Reading does not check values, and writing does not change
- * the structure.
- *   saga_header_io   the header's fixed part, without magic and version.
- * Reading sets all other fields to 0 saga_tools_io    the fields after it,
- * SAGA_TOOL_FIELDS, each only if its tool is on. The fixed part must have been
- * read before saga_segment_io  SEGM; nbytes of a single layer is not in the
- * file and is read as 0 */
+ * the structure. */
+
+/* The header's fixed part, without magic and version. Reading sets all other
+ * fields to 0. */
 void saga_header_io(saga_io *f, saga_header *h);
+/* The fields after the fixed part, which must have been read before:
+ * SAGA_TOOL_FIELDS, each only if its tool is on. */
 void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
+/* SEGM; nbytes of a single layer is not in the file and is read as 0. */
 void saga_segment_io(saga_io *f, saga_segment_header *s, uint32_t n_layers);
 void saga_chunk_io(saga_io *f, saga_chunk *c);
 

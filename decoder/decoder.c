@@ -200,6 +200,7 @@ static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
     uint32_t crc;
     int part;
 
+    /* The chunks are COAR, FINE and PRIM, and nothing may follow them. */
     saga_block_scaffold(&sc, dec, count);
     saga_syntax_begin(&sc);
     for (part = 0; part < 3; part++) {

@@ -328,6 +328,7 @@ bool saga_verify_file(saga_verify *v, const char *name, const uint8_t *bytes,
         status = SAGA_ERR_TRUNCATED;
     if (status)
         return refuse(&s, status);
+    /* The decoder draws; then the same bytes are computed in double. */
     ok = decode_and_draw(&s, bytes, nbytes, &info, &seg) &&
          take_apart(&s, bytes, nbytes, &info, &seg);
     if (ok) {

@@ -10,8 +10,8 @@
 #   memory      .data, .bss, .tdata and .tbss are empty
 # Constant tables of pointers (.data.rel.ro) are read-only and allowed.
 # NAME: only these targets are checked. `small` takes two: gcc's objects are
-# those of the other tests, and Cortex-M0 leaves most to a library. Those of clang
-# and Cortex-M3 are also linked without one, for browsers and as firmware.
+# those of the other tests, and Cortex-M0 leaves most to a library. Those of
+# clang and Cortex-M3 are also linked without one, for browsers and as firmware.
 #
 # check_symbols.sh --objects TARGET FILE.o...: checks the given objects.
 set -eu

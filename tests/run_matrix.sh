@@ -5,9 +5,9 @@
 # compiler decodes to the same bits.
 # Builds tests/stream/check_vectors.c with each compiler, optimisation and
 # machine of the table and runs it, under qemu if needed: it must find no
-# mismatch with vectors/MANIFEST, and make as many comparisons as the tests' build
-# with gcc or the first row. It prints one line "ok" or "FAIL" for each row. NAME: only the rows with
-# these names.
+# mismatch with vectors/MANIFEST, and make as many comparisons as the tests'
+# build with gcc or the first row. It prints one line "ok" or "FAIL" for each
+# row. NAME: only the rows with these names.
 set -u
 cd "$(dirname "$0")/.."
 

@@ -22,9 +22,9 @@ plays the demo,
                  PLY, compressed PLY, SPZ and SOG
 The engines' own renderers of splats and Spark's readers are asked in `make
 test-all` alone: they test what `saga export` writes, which check_exchange.py
-does without a browser. NAME is an engine. The engines are fetched from the registry of npm once for a
-build folder. Without npm, the registry, Chromium or the decoder in WebAssembly,
-the check prints that it was skipped.
+does without a browser. NAME is an engine. The engines are fetched from the
+registry of npm once for a build folder. Without npm, the registry, Chromium or
+the decoder in WebAssembly, the check prints that it was skipped.
 """
 
 import math

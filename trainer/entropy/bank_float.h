@@ -10,8 +10,8 @@
 #ifndef SAGA_BANK_FLOAT_H
 #define SAGA_BANK_FLOAT_H
 
-#include "isa.h"
 #include "error.h"
+#include "isa.h"
 #include "real.h"
 
 #include <stddef.h>

@@ -15,8 +15,8 @@
 #define SAGA_RATE_ROW_H
 
 #include "isa.h"
-#include "real.h"
 #include "model.h"
+#include "real.h"
 
 #include <stddef.h>
 

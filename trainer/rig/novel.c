@@ -192,14 +192,14 @@ bool saga_novel_init(saga_novel *o, const saga_pictures *p, saga_error *error)
     return false;
 }
 
-void saga_novel_free(saga_novel *o)
+void saga_novel_free(saga_novel *novel)
 {
-    for (int k = 0; k < o->n_teachers; k++)
-        saga_params_free(&o->teacher[k]);
-    free(o->view);
-    free(o->nearest);
-    saga_canvas_free(&o->canvas);
-    memset(o, 0, sizeof *o);
+    for (int k = 0; k < novel->n_teachers; k++)
+        saga_params_free(&novel->teacher[k]);
+    free(novel->view);
+    free(novel->nearest);
+    saga_canvas_free(&novel->canvas);
+    memset(novel, 0, sizeof *novel);
 }
 
 /* --- Teachers ------------------------------------------------------------ */
@@ -249,19 +249,19 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
                                      sizeof(real));
 }
 
-void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
-                     saga_checkpoint *c, saga_error *error)
+void saga_novel_walk(saga_novel *novel, uint32_t most_primitives,
+                     saga_checkpoint *checkpoint, saga_error *error)
 {
-    uint64_t n = (uint64_t)o->n_teachers;
+    uint64_t n = (uint64_t)novel->n_teachers;
 
-    saga_checkpoint_walk(c, &n, sizeof n);
+    saga_checkpoint_walk(checkpoint, &n, sizeof n);
     if (n > SAGA_NOVEL_MOST_TEACHERS)
-        c->failed = true;
-    for (int k = 0; !c->failed && k < (int)n; k++) {
+        checkpoint->failed = true;
+    for (int k = 0; !checkpoint->failed && k < (int)n; k++) {
         /* A teacher that is only partly read is freed with the others. */
-        if (c->reading)
-            o->n_teachers = k + 1;
-        walk_teacher(o, k, most_primitives, c, error);
+        if (checkpoint->reading)
+            novel->n_teachers = k + 1;
+        walk_teacher(novel, k, most_primitives, checkpoint, error);
     }
 }
 

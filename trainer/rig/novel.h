@@ -37,7 +37,7 @@ typedef struct saga_novel {
  * short. */
 bool saga_novel_init(saga_novel *novel, const saga_pictures *pictures,
                      saga_error *error);
-void saga_novel_free(saga_novel *o);
+void saga_novel_free(saga_novel *novel);
 
 /* Copies n primitives as the next teacher. Returns false with *error set if
  * memory is short. */
@@ -46,8 +46,8 @@ bool saga_novel_teach(saga_novel *novel, const saga_splat_params *params,
 
 /* Saves the teachers, or reads them. When reading, the checkpoint is marked as
  * failed if one has more than most_primitives primitives or memory is short. */
-void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
-                     saga_checkpoint *c, saga_error *error);
+void saga_novel_walk(saga_novel *novel, uint32_t most_primitives,
+                     saga_checkpoint *checkpoint, saga_error *error);
 
 /* Returns picture number `draw` of an endless sequence. With pictures->novel,
  * its part of them is from its cameras, at random; the others are those of

@@ -441,6 +441,7 @@ bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
         s->width = look.width;
         s->height = look.height;
         s->orientation = look.orientation;
+        /* The first camera with something ignored stands for all. */
         if (look.ignored[0] && n++ == 0) {
             memcpy(first, look.ignored, sizeof first);
             path = picture;

@@ -6,11 +6,11 @@
 #include <math.h>
 #include <string.h>
 
-saga_pinhole saga_pinhole_of(const saga_source_view *s)
+saga_pinhole saga_pinhole_of(const saga_source_view *view)
 {
-    saga_pinhole c = { .lens = { s->fx, s->fy, s->cx, s->cy } };
-    memcpy(c.rotation, s->rotation, sizeof c.rotation);
-    memcpy(c.translation, s->translation, sizeof c.translation);
+    saga_pinhole c = { .lens = { view->fx, view->fy, view->cx, view->cy } };
+    memcpy(c.rotation, view->rotation, sizeof c.rotation);
+    memcpy(c.translation, view->translation, sizeof c.translation);
     return c;
 }
 
@@ -57,26 +57,26 @@ static double off_line(const double normal[3], const saga_pinhole *c,
 }
 
 double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
-                         const saga_epipolar *s, const saga_match *m,
+                         const saga_epipolar *between, const saga_match *match,
                          double within, bool *front)
 {
     double ra[3], rb[3], turned[3], normal[3], back[3] = { 0.0 }, n[3];
-    ray_of(ra, a, m->a);
-    ray_of(rb, b, m->b);
-    apply(turned, s->r, ra);
+    ray_of(ra, a, match->a);
+    ray_of(rb, b, match->b);
+    apply(turned, between->r, ra);
     /* With the essential matrix E = [t] R, the line in b has the normal E ra =
      * t x (R ra), and that in a has E^T rb = R^T (rb x t). */
-    cross3(normal, s->t, turned);
-    cross3(n, rb, s->t);
+    cross3(normal, between->t, turned);
+    cross3(n, rb, between->t);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
-            back[k] += s->r[3 * i + k] * n[i];
+            back[k] += between->r[3 * i + k] * n[i];
     /* The depths follow from za R ra + t = zb rb by cross products with rb and
      * with R ra. */
     double across[3], x[3], y[3];
     cross3(across, turned, rb);
-    cross3(x, rb, s->t);
-    cross3(y, turned, s->t);
+    cross3(x, rb, between->t);
+    cross3(y, turned, between->t);
     const double least = within / b->lens[0] *
                          sqrt(dot3(turned, turned) * dot3(rb, rb));
     *front = dot3(across, across) <= least * least ||

@@ -15,7 +15,7 @@ typedef struct saga_pinhole {
     double lens[4];                     /* fx, fy, cx, cy, in pixels */
 } saga_pinhole;
 
-saga_pinhole saga_pinhole_of(const saga_source_view *s);
+saga_pinhole saga_pinhole_of(const saga_source_view *view);
 
 /* The pose of camera b relative to camera a: X_b = R X_a + t. */
 typedef struct saga_epipolar {
@@ -29,7 +29,7 @@ saga_epipolar saga_epipolar_between(const saga_pinhole *a,
  * lines, the larger of the two. Sets *front to whether the rays meet in front
  * of both cameras or are parallel within `within` pixels. */
 double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
-                         const saga_epipolar *s, const saga_match *m,
+                         const saga_epipolar *between, const saga_match *match,
                          double within, bool *front);
 
 /* Returns the distance in pixels of a match's point in b from where b would see

@@ -142,6 +142,7 @@ static void find_still(saga_look *looks, const saga_capture *c, double *change,
             if (there)
                 sorted[n_there++] = change[v];
         }
+        /* A step counts if half of the views have it and something moves. */
         const double typical = saga_median(sorted, (size_t)n_there);
         if (2 * n_there < n_views || !(typical >= SOME_CHANGE))
             continue;

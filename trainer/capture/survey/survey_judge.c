@@ -176,6 +176,7 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
     int n_odd = 0;
     for (int v = 0; v < c->n_views; v++)
         n_odd += fit->odd[v];
+    /* A mistake of all cameras comes first; single ones follow. */
     if (fit->found)
         judge_mistake(s, c);
     else if (fit->bad && n_odd == 0)
@@ -224,6 +225,7 @@ static void judge_refinement(saga_survey *s, const saga_capture *c)
                        " %.60s changes most, by %.1f "
                        "pixels.",
                        c->views[most].name, r->moved[most]);
+    /* The mean ratio of focal lengths, in logarithms. */
     for (int v = 0; v < c->n_views; v++)
         sum += log(r->cameras[v].lens[0] / c->views[v].fx) / c->n_views;
     if (fabs(sum) > FOCAL_CHANGE)
@@ -311,6 +313,7 @@ static void judge_late(saga_survey *s, const saga_capture *c)
 {
     char after[SAGA_NAME_NBYTES + 60] = "";
     saga_note_kind kind = { "", after };
+    /* The remedy depends on whether one camera is late or several. */
     for (int v = 0; v < c->n_views; v++) {
         const saga_lateness *const late = &s->views[v].late;
         if (!is_late(late))

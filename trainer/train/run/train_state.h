@@ -42,7 +42,7 @@ typedef struct saga_train_render {
     saga_fit *fit;
 } saga_train_render;
 
-/* What is packed (finish.c). */
+/* The packed segment, and the file (finish.c). */
 typedef struct saga_train_packed {
     saga_scene scene; /* the segment as a decoder has it, in float */
     saga_twin twin;
