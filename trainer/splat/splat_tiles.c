@@ -2,8 +2,13 @@
  *
  * Visible splats are sorted by the bits of their depth (by a stable radix sort,
  * so that equal depths stay in index order), and then counted and scattered
- * into the lists in that order. The scatter is stable, so the lists do not
- * depend on how the splats are divided among threads.
+ * into the lists in that order. Both work on parts of the splats: counts of
+ * each part come first, then the place where each part puts its entries. Since
+ * parts follow each other in every bin, the result does not depend on how the
+ * splats are divided among threads.
+ *
+ * Splats are read in random order by the lists, so a box of eight bytes for
+ * each of them is made first; all boxes fit the second cache.
  */
 #include "splat_tiles.h"
 
@@ -14,14 +19,68 @@
 
 enum { TILE = SAGA_SPLAT_TILE, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
 
-/* Nanoseconds to put a splat into the lists. */
-enum { LIST_NS = 60 };
+/* Nanoseconds for a splat in each stage of the sort, and in one of the two that
+ * make the lists. */
+enum { SORT_NS = 3, LIST_NS = 30 };
+
+/* --- Parts --------------------------------------------------------------- */
+
+/* Returns the begin of a part of [0, n). */
+static uint32_t part_begin(uint32_t n, size_t part, size_t n_parts)
+{
+    return (uint32_t)((uint64_t)n * part / n_parts);
+}
+
+/* Replaces count[part][bin] by the number of entries that earlier parts have in
+ * the bin, and sets begin (n_bins + 1) to the index at which each bin begins.
+ * Returns the number of all entries. */
+static size_t place_bins(uint32_t *count, size_t *begin, size_t n_bins,
+                         size_t n_parts)
+{
+    size_t sum = 0;
+
+    memset(begin, 0, (n_bins + 1) * sizeof *begin);
+    for (size_t part = 0; part < n_parts; part++)
+        for (size_t bin = 0; bin < n_bins; bin++) {
+            uint32_t *const c = count + part * n_bins + bin;
+            const uint32_t n = *c;
+
+            *c = (uint32_t)begin[bin];
+            begin[bin] += n;
+        }
+    for (size_t bin = 0; bin <= n_bins; bin++) {
+        const size_t n = begin[bin];
+
+        begin[bin] = sum;
+        sum += n;
+    }
+    return sum;
+}
 
 /* --- Order --------------------------------------------------------------- */
 
 typedef struct {
     uint32_t key, index;
 } depth_key;
+
+/* The tiles that a splat may touch: columns x0 to x1 - 1, rows y0 to y1 - 1. A
+ * splat with x1 = 0 has different columns in each row (columns). */
+typedef struct {
+    uint16_t x0, y0, x1, y1;
+} tile_box;
+
+/* The sort of the visible splats, and the lists that are made of them. */
+typedef struct {
+    saga_splat_work *work;
+    size_t n_parts, n_tiles;
+    tile_box *box;        /* (n) */
+    depth_key *from, *to; /* (n) */
+    uint32_t *n_of;       /* (parts) number of visible splats of each */
+    uint32_t *count;      /* (parts, bins) */
+    size_t begin[RADIX + 1];
+    int shift; /* of the present digit; 2 RADIX_BITS for the last one */
+    real cut;
+} listing;
 
 /* For positive floats, the order of bits is the order of values. */
 static uint32_t depth_bits(real depth)
@@ -33,50 +92,106 @@ static uint32_t depth_bits(real depth)
     return bits;
 }
 
-static void sort_pass(depth_key *to, const depth_key *from, uint32_t n,
-                      int shift)
+static uint32_t digit(const listing *l, const depth_key *k)
 {
-    uint32_t begin[RADIX] = { 0 };
-    uint32_t i, sum = 0;
-
-    for (i = 0; i < n; i++)
-        begin[(from[i].key >> shift) % RADIX]++;
-    /* Counts become the index at which the keys of each digit begin. */
-    for (i = 0; i < RADIX; i++) {
-        const uint32_t count = begin[i];
-
-        begin[i] = sum;
-        sum += count;
-    }
-    for (i = 0; i < n; i++)
-        to[begin[(from[i].key >> shift) % RADIX]++] = from[i];
+    return (k->key >> l->shift) % RADIX;
 }
 
-static bool sort_by_depth(saga_splat_work *work, saga_error *error)
+static tile_box box_of(const saga_splat_2d *o)
 {
-    const size_t nbytes = work->n * sizeof(depth_key);
-    depth_key *a, *b;
-    uint32_t i, n = 0;
+    const int x0 = o->x0 / TILE, x1 = (o->x1 + TILE - 1) / TILE;
+    /* The bounding box of a small splat has hardly more tiles than the splat
+     * itself. */
+    const bool is_small = x1 - x0 <= 1 ||
+                          (x1 - x0 == 2 && o->x1 - o->x0 <= TILE);
 
-    if (!saga_canvas_grow(&work->scratch[0], &work->cap[10], nbytes, error) ||
-        !saga_canvas_grow(&work->scratch[1], &work->cap[11], nbytes, error) ||
-        !saga_canvas_grow((void **)&work->order, &work->cap[5],
-                          work->n * sizeof *work->order, error))
-        return false;
-    a = work->scratch[0];
-    b = work->scratch[1];
-    for (i = 0; i < work->n; i++)
-        if (work->extent[i] > 0)
-            a[n++] = (depth_key){ depth_bits(work->splat[i].depth), i };
-    /* The least significant digit comes first; three of 11 bits cover 32. The
-     * third pass ends in b. */
-    sort_pass(b, a, n, 0);
-    sort_pass(a, b, n, RADIX_BITS);
-    sort_pass(b, a, n, 2 * RADIX_BITS);
-    for (i = 0; i < n; i++)
-        work->order[i] = b[i].index;
-    work->n_visible = n;
-    return true;
+    return (tile_box){ .x0 = (uint16_t)x0,
+                       .y0 = (uint16_t)(o->y0 / TILE),
+                       .x1 = is_small ? (uint16_t)x1 : 0,
+                       .y1 = (uint16_t)((o->y1 + TILE - 1) / TILE) };
+}
+
+/* Makes the boxes of a part, and the keys of its visible splats, at the place
+ * in `from` where the part begins; counts the keys' first digit. */
+static void key_part(void *user, size_t part)
+{
+    const listing *const l = user;
+    const saga_splat_work *const work = l->work;
+    const uint32_t begin = part_begin(work->n, part, l->n_parts);
+    const uint32_t end = part_begin(work->n, part + 1, l->n_parts);
+    uint32_t *const count = l->count + part * RADIX;
+    uint32_t n = begin;
+
+    memset(count, 0, RADIX * sizeof *count);
+    for (uint32_t i = begin; i < end; i++) {
+        const saga_splat_2d *const o = work->splat + i;
+
+        if (!(work->extent[i] > 0))
+            continue;
+        l->box[i] = box_of(o);
+        l->from[n] = (depth_key){ depth_bits(o->depth), i };
+        count[digit(l, l->from + n)]++;
+        n++;
+    }
+    l->n_of[part] = n - begin;
+}
+
+/* Counts a digit of the keys in a part, which are without gaps by now. */
+static void digit_part(void *user, size_t part)
+{
+    const listing *const l = user;
+    const uint32_t n = l->work->n_visible;
+    const uint32_t end = part_begin(n, part + 1, l->n_parts);
+    uint32_t *const count = l->count + part * RADIX;
+    uint32_t i = part_begin(n, part, l->n_parts);
+
+    l->n_of[part] = end - i;
+    memset(count, 0, RADIX * sizeof *count);
+    for (; i < end; i++)
+        count[digit(l, l->from + i)]++;
+}
+
+/* Moves the keys of a part to their places by a digit; the last digit leaves
+ * only their indices. */
+static void move_part(void *user, size_t part)
+{
+    const listing *const l = user;
+    const saga_splat_work *const work = l->work;
+    const uint32_t n = l->shift == 0 ? work->n : work->n_visible;
+    const depth_key *from = l->from + part_begin(n, part, l->n_parts);
+    const depth_key *const end = from + l->n_of[part];
+    uint32_t *const next = l->count + part * RADIX;
+
+    for (size_t i = 0; i < RADIX; i++)
+        next[i] += (uint32_t)l->begin[i];
+    if (l->shift == 2 * RADIX_BITS)
+        for (; from < end; from++)
+            work->order[next[digit(l, from)]++] = from->index;
+    else
+        for (; from < end; from++)
+            l->to[next[digit(l, from)]++] = *from;
+}
+
+static void run_parts(listing *l, void (*run)(void *, size_t), double ns)
+{
+    saga_parallel(&(saga_tasks){
+        .run = run, .user = l, .n = l->n_parts, .ns = ns * l->work->n });
+}
+
+/* Sorts by one digit after the other, the least significant first; three of 11
+ * bits cover 32. */
+static void sort_by_depth(listing *l)
+{
+    for (l->shift = 0; l->shift <= 2 * RADIX_BITS; l->shift += RADIX_BITS) {
+        depth_key *const from = l->from;
+
+        run_parts(l, l->shift == 0 ? key_part : digit_part, SORT_NS);
+        l->work->n_visible = (uint32_t)place_bins(l->count, l->begin, RADIX,
+                                                  l->n_parts);
+        run_parts(l, move_part, SORT_NS);
+        l->from = l->to;
+        l->to = from;
+    }
 }
 
 /* --- Tiles of a splat ---------------------------------------------------- */
@@ -84,11 +199,6 @@ static bool sort_by_depth(saga_splat_work *work, saga_error *error)
 static int floor_tile(int x)
 {
     return x / TILE;
-}
-
-static int ceil_tile(int x)
-{
-    return (x + TILE - 1) / TILE;
 }
 
 static int clamp_int(real x, int lo, int hi)
@@ -127,37 +237,19 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
                                    o->x1 - 1));
 }
 
-/* Sets the columns for one row of tiles. For a small splat they are those of
- * its bounding box. */
+/* Sets the columns for one row of tiles. */
 static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
                          real cut)
 {
     const int ya = row * TILE > o->y0 ? row * TILE : o->y0;
     const int yb = row * TILE + TILE < o->y1 ? row * TILE + TILE : o->y1;
 
-    *c0 = floor_tile(o->x0);
-    *c1 = ceil_tile(o->x1);
-    if (*c1 - *c0 > 1 && (o->x1 - o->x0 > TILE || *c1 - *c0 > 2))
-        columns(c0, c1, o, ya, yb, cut);
+    columns(c0, c1, o, ya, yb, cut);
     if (*c1 < *c0)
         *c1 = *c0;
 }
 
 /* --- Lists --------------------------------------------------------------- */
-
-/* Returns the begin of a part of [0, n), equal in both passes. */
-static uint32_t part_begin(uint32_t n, size_t part, size_t n_parts)
-{
-    return (uint32_t)((uint64_t)n * part / n_parts);
-}
-
-/* The inputs that all parts share. */
-typedef struct {
-    saga_splat_work *work;
-    size_t *count; /* (parts, tiles) */
-    size_t n_parts, n_tiles;
-    real cut;
-} listing;
 
 /* Counts the entries of one part for each tile, and the slots of each splat. */
 static void count_part(void *user, size_t part)
@@ -165,24 +257,26 @@ static void count_part(void *user, size_t part)
     const listing *const l = user;
     saga_splat_work *const work = l->work;
     const uint32_t end = part_begin(work->n_visible, part + 1, l->n_parts);
-    size_t *const count = l->count + part * l->n_tiles;
-    const real cut = l->cut;
+    uint32_t *const count = l->count + part * l->n_tiles;
     uint32_t r;
 
+    memset(count, 0, l->n_tiles * sizeof *count);
     for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
-        const saga_splat_2d *const o = work->splat + work->order[r];
+        const uint32_t i = work->order[r];
+        const tile_box b = l->box[i];
+        int c0 = b.x0, c1 = b.x1, c;
         uint32_t slots = 0;
-        int row, c0, c1, c;
 
-        for (row = floor_tile(o->y0); row < ceil_tile(o->y1); row++) {
-            tile_columns(&c0, &c1, o, row, cut);
+        for (int row = b.y0; row < b.y1; row++) {
+            if (b.x1 == 0)
+                tile_columns(&c0, &c1, work->splat + i, row, l->cut);
             for (c = c0; c < c1; c++)
                 count[(size_t)row * work->n_tiles_x + (size_t)c]++;
             slots += (uint32_t)(c1 - c0);
         }
         /* The count is written one index higher, so that the sums in
          * begin_lists become the begin of each splat's slots. */
-        work->slot_begin[work->order[r] + 1u] = slots;
+        work->slot_begin[i + 1u] = slots;
     }
 }
 
@@ -191,50 +285,29 @@ static void scatter_part(void *user, size_t part)
     const listing *const l = user;
     saga_splat_work *const work = l->work;
     const uint32_t end = part_begin(work->n_visible, part + 1, l->n_parts);
-    size_t *const next = l->count + part * l->n_tiles;
-    const real cut = l->cut;
+    uint32_t *const next = l->count + part * l->n_tiles;
     uint32_t r;
 
+    for (size_t t = 0; t < l->n_tiles; t++)
+        next[t] += (uint32_t)work->tile_begin[t];
     for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
-        const saga_splat_2d *const o = work->splat + work->order[r];
-        uint32_t slot = work->slot_begin[work->order[r]];
-        int row, c0, c1, c;
+        const uint32_t i = work->order[r];
+        const tile_box b = l->box[i];
+        uint32_t slot = work->slot_begin[i];
+        int c0 = b.x0, c1 = b.x1, c;
 
-        for (row = floor_tile(o->y0); row < ceil_tile(o->y1); row++) {
-            tile_columns(&c0, &c1, o, row, cut);
+        for (int row = b.y0; row < b.y1; row++) {
+            if (b.x1 == 0)
+                tile_columns(&c0, &c1, work->splat + i, row, l->cut);
             for (c = c0; c < c1; c++) {
                 const size_t t = (size_t)row * work->n_tiles_x + (size_t)c;
 
                 /* Slots are numbered by splat, so that all records of a splat
                  * are adjacent; lists are by tile. */
-                work->pair[next[t]++] = (saga_splat_pair){ work->order[r],
-                                                           slot++ };
+                work->pair[next[t]++] = (saga_splat_pair){ i, slot++ };
             }
         }
     }
-}
-
-/* Replaces count[part][tile] by the index at which this part's entries of the
- * tile begin. Returns the number of pairs. */
-static size_t prefix_tiles(size_t *count, saga_splat_work *work, size_t n_tiles,
-                           size_t n_parts)
-{
-    size_t sum = 0, t, part;
-
-    for (t = 0; t < n_tiles; t++) {
-        work->tile_begin[t] = sum;
-        /* Within a tile the parts follow each other, and each part is a range
-         * of depths, so every list is sorted by depth. */
-        for (part = 0; part < n_parts; part++) {
-            size_t *const c = count + part * n_tiles + t;
-            const size_t n = *c;
-
-            *c = sum;
-            sum += n;
-        }
-    }
-    work->tile_begin[n_tiles] = sum;
-    return sum;
 }
 
 /* Allocates the lists when their lengths are known. */
@@ -245,7 +318,8 @@ static bool begin_lists(const listing *l, saga_error *error)
 
     for (i = 0; i < work->n; i++)
         work->slot_begin[i + 1] += work->slot_begin[i];
-    work->n_pairs = prefix_tiles(l->count, work, l->n_tiles, l->n_parts);
+    work->n_pairs = place_bins(l->count, work->tile_begin, l->n_tiles,
+                               l->n_parts);
     if (work->n_pairs > UINT32_MAX)
         return saga_no_memory(0, "drawing a picture", error);
     if (!saga_canvas_grow(
@@ -259,43 +333,56 @@ static bool begin_lists(const listing *l, saga_error *error)
     return true;
 }
 
-static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
-                       saga_error *error)
+/* Allocates everything but the lists themselves. */
+static bool reserve(listing *l, saga_error *error)
 {
-    const double ns = (double)LIST_NS * work->n_visible;
-    const size_t n_parts = saga_team(ns);
-    const size_t count_nbytes = n_parts * n_tiles * sizeof(size_t);
-    listing l = { work, NULL, n_parts, n_tiles, cut };
+    saga_splat_work *const work = l->work;
+    const size_t n = work->n;
+    const size_t n_bins = l->n_tiles > RADIX ? l->n_tiles : RADIX;
 
-    if (!saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes,
-                          error))
+    if (!saga_canvas_grow(&work->scratch[0], &work->cap[10],
+                          2 * n * sizeof *l->from, error) ||
+        !saga_canvas_grow(&work->scratch[1], &work->cap[11], n * sizeof *l->box,
+                          error) ||
+        !saga_canvas_grow(&work->scratch[2], &work->cap[12],
+                          l->n_parts * (n_bins + 1) * sizeof *l->count,
+                          error) ||
+        !saga_canvas_grow((void **)&work->order, &work->cap[5],
+                          n * sizeof *work->order, error) ||
+        !saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
+                          (n + 1) * sizeof *work->slot_begin, error) ||
+        !saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
+                          (l->n_tiles + 1) * sizeof *work->tile_begin, error))
         return false;
-    l.count = work->scratch[2];
-    memset(l.count, 0, count_nbytes);
-    memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
-    /* Both passes find the same tiles for a splat, so counts and entries
-     * agree. */
-    saga_parallel(
-        &(saga_tasks){ .run = count_part, .user = &l, .n = n_parts, .ns = ns });
-    if (!begin_lists(&l, error))
-        return false;
-    saga_parallel(&(saga_tasks){
-        .run = scatter_part, .user = &l, .n = n_parts, .ns = ns });
+    l->from = work->scratch[0];
+    l->to = l->from + n;
+    l->box = work->scratch[1];
+    l->count = work->scratch[2];
+    l->n_of = l->count + l->n_parts * n_bins;
     return true;
 }
 
 bool saga_splat_tiles(saga_canvas *canvas, saga_error *error)
 {
     saga_splat_work *const work = &canvas->splat;
-    size_t n_tiles;
+    listing l = { .work = work,
+                  .n_parts = saga_team((double)LIST_NS * work->n),
+                  .cut = canvas->rules.cut };
 
-    work->n_tiles_x = (uint32_t)ceil_tile(canvas->camera.width);
-    work->n_tiles_y = (uint32_t)ceil_tile(canvas->camera.height);
-    n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
-    return sort_by_depth(work, error) &&
-           saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
-                            (work->n + 1u) * sizeof *work->slot_begin, error) &&
-           saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
-                            (n_tiles + 1) * sizeof *work->tile_begin, error) &&
-           fill_lists(work, n_tiles, canvas->rules.cut, error);
+    work->n_tiles_x = (uint32_t)saga_n_parts((size_t)canvas->camera.width,
+                                             TILE);
+    work->n_tiles_y = (uint32_t)saga_n_parts((size_t)canvas->camera.height,
+                                             TILE);
+    l.n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
+    if (!reserve(&l, error))
+        return false;
+    sort_by_depth(&l);
+    /* Both passes over the lists find the same tiles for a splat, so counts and
+     * entries agree. Splats that are not visible have no slots. */
+    memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
+    run_parts(&l, count_part, LIST_NS);
+    if (!begin_lists(&l, error))
+        return false;
+    run_parts(&l, scatter_part, LIST_NS);
+    return true;
 }
