@@ -307,6 +307,7 @@ many() {
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
     check types python3 tests/cli/check_types.py
+    [ "$what" != all ] || check bundles python3 tests/cli/check_bundles.py
     check headset python3 tests/cli/check_headset.py
     check firmware tests/check_firmware.sh "$size"
     vectors gcc

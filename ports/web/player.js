@@ -17,6 +17,7 @@
 
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
+import { trust } from './places.js';
 import { Sound } from './sound.js';
 import { visible } from './source.js';
 import { Viewer } from './viewer.js';
@@ -31,7 +32,7 @@ const icon = (id, label, paths) => `<button class="icon" id="${id}"
     title="${label}" aria-label="${label}"><svg viewBox="0 0 24 24"
     aria-hidden="true">${paths}</svg></button>`;
 
-const MARKUP = `<style>
+const STYLE = `
 :host { display: block; position: relative; aspect-ratio: 16 / 9;
     overflow: hidden; background: #000; color: #d9dcdf; color-scheme: dark;
     container-type: inline-size;
@@ -87,8 +88,9 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
     #bar { gap: 4px; padding-inline: 6px; }
 }
 @media (prefers-reduced-motion: reduce) { #bar { transition: none; } }
-</style>
-<div id="frame">
+`;
+
+const MARKUP = `<div id="frame">
   <canvas tabindex="0" role="img" part="canvas"
     aria-label="volumetric video; drag or use the arrow keys to look around">
   </canvas>
@@ -117,13 +119,20 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
       d="M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"/>`)}
 </div>`;
 
-export class SagaPlayer extends HTMLElement {
+// A server that renders pages imports this module, too, and has no elements.
+const Base = globalThis.HTMLElement ?? class {};
+
+export class SagaPlayer extends Base {
     static observedAttributes = ['src', 'camera', 'controls', 'draw', 'loop',
         'muted', 'poster'];
 
     constructor() {
         super();
-        this.attachShadow({ mode: 'open' }).innerHTML = MARKUP;
+        this.attachShadow({ mode: 'open' }).innerHTML =
+            trust('createHTML', MARKUP);
+        // Pages may forbid style sheets in markup.
+        this.shadowRoot.adoptedStyleSheets = [new CSSStyleSheet()];
+        this.shadowRoot.adoptedStyleSheets[0].replaceSync(STYLE);
         this.$ = (id) => this.shadowRoot.getElementById(id);
         this.canvas = this.shadowRoot.querySelector('canvas');
         // Scripts use the viewer for what the element does not offer.
@@ -495,4 +504,4 @@ export class SagaPlayer extends HTMLElement {
     set camera(index) { this.setAttribute('camera', index); }
 }
 
-customElements.define('saga-player', SagaPlayer);
+globalThis.customElements?.define('saga-player', SagaPlayer);

@@ -48,10 +48,9 @@ export class HttpSource implements SagaSource {
 /** Whether the decoder with SIMD can be used here. */
 export function hasSimd(): boolean;
 
-/** The compiled decoder; `base` is where the .wasm files lie. */
+/** The compiled decoder. */
 export function loadModule(options?: {
     simd?: boolean;
-    base?: string | URL;
 }): Promise<WebAssembly.Module>;
 
 export interface SagaInfo {

@@ -13,6 +13,7 @@
 
 import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
 import { entriesOf, nameCameras, readOptional } from './optional.js';
+import { wasmAt } from './places.js';
 import { BlobSource, BytesSource, HttpSource, SagaError, joined }
     from './source.js';
 
@@ -54,21 +55,36 @@ export function hasSimd() {
 }
 
 // Returns the compiled decoder for SagaFile.open, also in workers.
-export async function loadModule({ simd = hasSimd(), base } = {}) {
-    const name = simd ? 'saga_simd.wasm' : 'saga.wasm';
-    const url = new URL(name, base || import.meta.url);
+export async function loadModule({ simd = hasSimd() } = {}) {
+    const url = wasmAt(simd);
     const bytes = await bytesAt(url).catch(() => null);
 
-    if (!bytes)
-        throw new SagaError(`${name}: cannot be fetched; it belongs beside ` +
-            'saga.js; `make web` builds it');
-    return WebAssembly.compile(bytes);
+    if (!bytes || !isWasm(bytes))
+        throw new SagaError(`${url.href}: ` + (bytes ? 'is no WebAssembly'
+            : 'cannot be fetched') + '; put saga.wasm and saga_simd.wasm ' +
+            'beside saga.js, or set `places` of places.js to where they are');
+    try {
+        return await WebAssembly.compile(bytes);
+    } catch (error) {
+        throw new SagaError('the decoder may not be compiled ' +
+            `(${error.message}); let the page's Content-Security-Policy have ` +
+            "'wasm-unsafe-eval' in script-src");
+    }
 }
 
-// Returns the bytes at a URL. Node's fetch does not read files.
+const isWasm = (bytes) =>
+    new Uint8Array(bytes, 0, 4).join() === '0,97,115,109';
+
+// Returns the bytes at a URL as an ArrayBuffer. Node's fetch does not read
+// files; bundlers for browsers must not look for what does.
 async function bytesAt(url) {
-    if (url.protocol === 'file:')
-        return (await import('node:fs/promises')).readFile(url);
+    if (url.protocol === 'file:' && globalThis.process) {
+        const module = 'node:fs/promises';
+        const { readFile } = await import(
+            /* webpackIgnore: true */ /* @vite-ignore */ module);
+
+        return Uint8Array.from(await readFile(url)).buffer;
+    }
     const response = await fetch(url);
 
     return response.ok ? response.arrayBuffer() : null;

@@ -27,6 +27,7 @@ import { GpuScreen, PlainScreen } from './gpu.js';
 import { visible } from './source.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
+import { places, startWorker } from './places.js';
 
 const TIME_DEN = 256; // steps of time between two frames, while it plays
 const REST_MS = 150;  // time without a change, after which the sharp picture is
@@ -37,6 +38,16 @@ const MOST_MS = 250;  // largest step of the clock
 const WAIT_MS = 200;  // delay of a late segment, after which `waiting` is
                       // emitted
 const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // limits of what is fetched
+
+// Returns the sentence for a worker that does not start. A browser says nothing
+// of why, if a policy forbids it or its script does not come.
+const cannotStart = (why) => `the decoder cannot be started (${why ||
+    'worker.js does not come, or the page\'s Content-Security-Policy forbids ' +
+    'it; worker-src must allow it, and blob: if another server has it'})`;
+
+// Returns addresses that mean the same in a worker.
+const absolute = (list) => Object.fromEntries(Object.entries(list).map(
+    ([name, at]) => [name, at && new URL(at, document.baseURI).href]));
 
 // Calls back when the page shows its next picture.
 export const onPage = (call) => requestAnimationFrame(call);
@@ -112,8 +123,11 @@ export class Viewer extends EventTarget {
         } catch {
             return Promise.reject(this.fail(`${source}: is no address`));
         }
-        this.worker = new Worker(new URL('worker.js', import.meta.url),
-            { type: 'module' });
+        try {
+            this.worker = startWorker();
+        } catch (error) {
+            return Promise.reject(this.fail(cannotStart(error.message)));
+        }
         return new Promise((resolve, reject) => {
             this.worker.onmessage = ({ data }) => {
                 if (data.drawn)
@@ -128,9 +142,9 @@ export class Viewer extends EventTarget {
                     reject(this.fail(data.failed));
             };
             this.worker.onerror = (event) => reject(this.fail(
-                `the decoder cannot be started (${event.message})`));
+                cannotStart(event.message)));
             this.worker.postMessage({ open: address, simd: this.simd,
-                seconds: this.seconds });
+                seconds: this.seconds, places: absolute(places) });
         });
     }
 

@@ -3,7 +3,8 @@
 // A worker that opens one file and draws it, so that the page stays responsive.
 // It answers each `open` and `draw` once, in their order:
 //
-//     { open: address or File, simd, seconds } -> { opened } or { failed }
+//     { open: address or File, simd, seconds, places } -> { opened } or
+//         { failed }
 //     { draw: { values, num, den, make, crc, buffer } } -> { drawn } or
 //         { failed }: the result of SagaFile's method `make`, which is `draw`,
 //         `splats` or `gaussians`; buffer is reused
@@ -12,9 +13,12 @@
 //     { ahead: segments }: the segment that is shown, and the next ones; they
 //         are fetched in this order, and another worker decodes the second
 //
-// It also posts { progress: { segment, got, nbytes } }, in bytes. The segment
+// If its first message has a `head`, it decodes ahead of time (ahead.js). It
+// also posts { progress: { segment, got, nbytes } }, in bytes. The segment
 // is -1 for the head, and for a file that its server sends as a whole.
 
+import { decodesAhead } from './ahead.js';
+import { places, startWorker } from './places.js';
 import { HttpSource, SagaFile, hasSimd, loadModule } from './saga.js';
 
 const TELL_MS = 50;
@@ -24,12 +28,10 @@ let next = null;       // decodes the next segment of the open file
 let plan = [];         // the segments of the last `ahead` message
 let ahead = false;     // whether the decoded segment was decoded ahead of time
 
-// The next segment, decoded by a worker of this worker (ahead.js) while this
-// one draws.
+// The next segment, decoded by a worker of this worker while this one draws.
 class Next {
     constructor({ head, seconds }, module) {
-        this.worker = new Worker(new URL('ahead.js', import.meta.url),
-            { type: 'module' });
+        this.worker = startWorker();
         this.worker.postMessage({ head, seconds, module });
         this.made = new Map(); // number of a segment -> promise of { block, ms
                                // }, or of {}
@@ -42,7 +44,7 @@ class Next {
         };
     }
 
-    // Gives a segment to the worker ahead.js. Two segments are kept: when a
+    // Gives a segment to the worker. Two segments are kept: when a
     // segment begins to play, the next one may be asked for before the first
     // picture of this one.
     prepare(number, bytes) {
@@ -87,8 +89,10 @@ function watched(source) {
     return http;
 }
 
-async function open({ open: source, simd = hasSimd(), seconds }) {
+async function open({ open: source, simd = hasSimd(), seconds,
+    places: given }) {
     file = null;
+    Object.assign(places, given);
     const module = await loadModule({ simd });
 
     file = await SagaFile.open(watched(source), { module, seconds });
@@ -172,6 +176,10 @@ async function sendSound() {
 let last = Promise.resolve();
 
 onmessage = ({ data }) => {
+    if (data.head) { // the worker of a worker
+        onmessage = decodesAhead(data);
+        return;
+    }
     if (data.ahead) {
         if (file)
             lookAhead(data.ahead).catch(() => {}); // drawing reports errors

@@ -211,18 +211,20 @@ class FileServer(http.server.ThreadingHTTPServer):
     """Serves {path: bytes} on a port of its own. `served` lists (path, first
     byte, number of bytes) of each request, `sent` what was sent. With
     ranges=False, only whole files are served; with share=True, pages of
-    other servers may read them. Files *.saga pass through `valve`, if there
+    other servers may read them; headers are added to each answer. Files
+    *.saga pass through `valve`, if there
     is one, one answer after the other."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
              ".mjs": "text/javascript",
              ".css": "text/css", ".wasm": "application/wasm"}
 
-    def __init__(self, files, ranges=True, share=False):
+    def __init__(self, files, ranges=True, share=False, headers={}):
         super().__init__(("127.0.0.1", 0), FileHandler)
         self.files = files
         self.ranges = ranges
         self.share = share
+        self.headers = headers
         self.valve, self.line = None, threading.Lock()
         self.served, self.sent = [], []
         self.url = "http://127.0.0.1:%d/" % self.server_port
@@ -267,6 +269,8 @@ class FileHandler(http.server.BaseHTTPRequestHandler):
         if self.server.share:
             self.send_header("Access-Control-Allow-Origin", "*")
             self.send_header("Access-Control-Expose-Headers", "Content-Range")
+        for name, value in self.server.headers.items():
+            self.send_header(name, value)
         self.end_headers()
         if path.endswith(".saga") and self.server.valve:
             self.write_slowly(path, first, part, self.server.valve)
