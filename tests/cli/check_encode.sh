@@ -10,7 +10,9 @@
 #               Ctrl-C and SIGTERM end a run with status 2 and a checkpoint, and
 #               --resume then makes the bytes of a run that was not stopped;
 #               without --resume a checkpoint is not overwritten, and --resume
-#               without a checkpoint does not overwrite a finished file; a
+#               without a checkpoint does not overwrite a finished file;
+#               --resume --finish makes a file of the warm-up after a tenth of
+#               the time, and --resume goes on from there to the same bytes; a
 #               second Ctrl-C leaves no incomplete file; a resumed run reports
 #               its progress as percent of the whole training; `saga info`
 #               describes a checkpoint
@@ -155,6 +157,11 @@ for signal in INT TERM; do
     grep -q -e '--resume' err || complain "$signal: $(cat err)"
     [ -f s.saga ] && complain "$signal: a file already"
     leaves s.saga.ckpt s.whole
+    expect 0 cap -o s.saga --resume --finish
+    says 's.saga has what was trained so far, 4 frames in'
+    "$dec" s.saga --camera rig:1 --time 0 --crc >out 2>err ||
+        complain "finished early: $(cat err)"
+    rm -f s.saga
     told 2 s.saga.ckpt cap -o s.saga --primitives 150 --iterations 3000
     expect 2 cap -o s.saga --primitives 150 --iterations 2000 --resume
     says '--iterations 3000, not 2000'
@@ -176,6 +183,9 @@ says 's.saga exists and is not a file of this command, and there is no checkpoin
 grep -qx 'of another capture' s.saga || complain "--resume overwrites a file"
 leaves s.saga s.whole
 rm -f s.saga s.whole
+told 2 '--finish needs --resume' cap -o x.saga --finish
+told 2 'there is no checkpoint x.saga.ckpt' cap -o x.saga --resume --finish
+told 2 'leave --json' cap -o x.saga --resume --finish --json
 verdict stopped
 
 # percent.py prints the first percentage of the training that is shown on a
@@ -216,6 +226,22 @@ says '`saga view` shows it'
 percent=$(python3 percent.py "$saga" encode cap -o s.saga --primitives 150 \
     --iterations 3000 --ablate no-teachers --resume)
 [ "${percent:-0}" -ge 30 ] || complain "a resumed run begins at $percent %"
+# The first checkpoint comes after a tenth of the time, however long the
+# interval is, and what it shows is better than a grey picture.
+$stoppable "$saga" encode cap -o e.saga --primitives 150 --iterations 3000 \
+    --ablate no-teachers --log e.csv >out 2>err </dev/null &
+pid=$!
+while kill -0 $pid 2>/dev/null && [ ! -f e.saga.ckpt ]; do sleep 0.01; done
+grep -q '^1500,' e.csv && complain "the first checkpoint: $(tail -n 1 e.csv)"
+kill -KILL $pid
+wait $pid 2>/dev/null
+expect 0 cap -o e.saga --resume --finish
+"$saga" eval e.saga cap --json >out 2>err
+python3 -c '
+import json
+assert json.load(open("out"))["training"]["psnr"] > 18
+' 2>>bad || complain "after a tenth: $(cat out err)"
+rm -f e.saga e.saga.* e.csv
 rm -f s.saga s.csv percent.py
 for ((i = 0; i < 20; i++)); do
     $stoppable "$saga" encode cap -o s.saga --primitives 3000 \

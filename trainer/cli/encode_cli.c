@@ -218,6 +218,10 @@ static const saga_cli_option option_list[] = {
       "--level, --lambda and --layers, too. A file that is\n"
       "finished is left as it is, with status 0",
       saga_cli_flag, AT(resume), 0, 0 },
+    { "--finish", NULL,
+      "with --resume: train no more, but write FILE.saga from\n"
+      "what the checkpoint has by now, and keep the checkpoint",
+      saga_cli_flag, AT(finish), 0, 0 },
     { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
       0 },
     SAGA_CLI_QUIET(saga_encode_options, quiet),
@@ -338,7 +342,8 @@ const saga_command saga_command_encode = {
     "rendering trains anchors and networks, and packing writes the file.\n"
     "Meanwhile a line shows the stage, the iteration, the PSNR of the\n"
     "training pictures, an estimate of the bits, and the time left. Ctrl-C\n"
-    "saves FILE.saga.ckpt, from which --resume continues.\n"
+    "saves FILE.saga.ckpt, from which --resume continues. `saga view` shows\n"
+    "it at any time, and --resume --finish makes a file of it.\n"
     "\n"
     "At the end the program reports the size, how good views of the cameras\n"
     "and between them are, and what came out well or badly. -v prints all\n"

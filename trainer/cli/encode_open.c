@@ -18,6 +18,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -357,6 +358,38 @@ static void print_plan(const saga_encode_session *s)
                        saga_train_n_iterations(s->train));
 }
 
+/* Writes what the checkpoint has so far as a file. The checkpoint is kept, and
+ * the capture is not needed. */
+static int write_early(saga_encode_session *s)
+{
+    saga_info info = { 0 };
+    uint8_t *now;
+    size_t n;
+    bool ok;
+
+    if (!saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: there is no checkpoint %s to make a "
+                              "file of; leave --finish out",
+                              s->checkpoint);
+    ok = saga_train_peek(&now, &n, s->checkpoint, &s->error);
+    if (ok) {
+        /* A file of this name may have been a part. */
+        saga_part_forget(s->o->output);
+        (void)saga_probe(&info, now, n);
+        ok = saga_output_close(&s->out, fwrite(now, 1, n, s->out.file) == n,
+                               &s->error);
+    }
+    free(now);
+    s->finished = true;
+    return ok ? saga_cli_error(SAGA_EXIT_OK,
+                               "encode: %s has what was trained so far, %u "
+                               "frames in %zu bytes; %s is kept, and --resume "
+                               "alone goes on",
+                               s->o->output, info.n_frames, n, s->checkpoint)
+              : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+}
+
 int saga_encode_open(saga_encode_session *s)
 {
     int status = check_output(s);
@@ -367,6 +400,8 @@ int saga_encode_open(saga_encode_session *s)
         status = check_checkpoint(s);
     if (status || s->finished)
         return status;
+    if (s->o->finish)
+        return write_early(s);
     status = saga_encode_synchronise(s);
     if (!status)
         status = look_at_capture(s);

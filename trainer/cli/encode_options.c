@@ -57,6 +57,11 @@ static const char *contradiction(const saga_encode_options *o,
         { (o->lambda > 0) + (o->size > 0) + (o->bitrate > 0) + o->sweep > 1,
           "give only one of --lambda, --size, --bitrate and --sweep: each "
           "determines the file's size" },
+        { o->finish && !o->resume,
+          "--finish needs --resume: it makes a file of a stopped training" },
+        { o->finish && (part || o->sweep || o->json),
+          "--finish makes no report, and no part of a film or of a sweep; "
+          "leave --json, --networks-only, --only and --sweep out" },
         { o->log && o->sweep, "--log records one training, but --sweep has "
                               "several; give one of them" },
         { o->networks_only && o->only >= 0,

@@ -55,6 +55,7 @@ typedef struct saga_encode_options {
     /* Output other than the file. */
     int every; /* seconds between checkpoints */
     bool resume;
+    bool finish;     /* write what the checkpoint has, and end */
     const char *log; /* file, or NULL */
     bool json;       /* print the report as JSON */
     bool quiet;      /* show no progress */

@@ -79,7 +79,9 @@ int saga_encode_stopped(const saga_encode_session *s)
     if (saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "encode: stopped by %s; the "
-                              "same command with --resume continues from %s",
+                              "same command with --resume continues from %s, "
+                              "and with --resume --finish it writes what there "
+                              "is",
                               *s->progress.signal == SIGINT ? "Ctrl-C"
                                                             : "a signal",
                               s->checkpoint);

@@ -341,9 +341,9 @@ const saga_command saga_command_view = {
     "  saga view scene.saga.ckpt\n"
     "\n"
     "A checkpoint of `saga encode` is shown as if the training had ended\n"
-    "there: all finished segments, and the segment in training as soon as its\n"
-    "rendering stage has begun. The training may continue meanwhile. While a\n"
-    "base is trained there is nothing to show.\n",
+    "there: all finished segments, and the segment in training if it is the\n"
+    "first or its rendering stage has begun. The training may continue\n"
+    "meanwhile. While a base is trained there is nothing to show.\n",
     option_list,
     (int)(sizeof option_list / sizeof option_list[0]),
     run_view,

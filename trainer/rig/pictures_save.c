@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -129,5 +130,8 @@ bool saga_pictures_restore(saga_pictures *p, saga_capture *capture,
     for (int v = 0; v < capture->n_views; v++)
         if (!take_view(p, &capture->views[v], v, c))
             return false;
-    return p->n_train > 0;
+    /* Frames that a view lacks are not known here, so all count. */
+    c->failed = (int64_t)p->n_train * capture->n_frames > INT_MAX;
+    p->n_there = c->failed ? 0 : p->n_train * capture->n_frames;
+    return p->n_there > 0;
 }

@@ -462,6 +462,12 @@ void saga_flat_aim(saga_flat *f, uint32_t n_primitives)
     f->o.n_primitives = n_primitives;
 }
 
+bool saga_flat_cut_short(saga_flat *f, saga_error *error)
+{
+    f->iteration = f->o.n_iterations;
+    return f->n <= f->o.n_primitives || reduce(f, f->o.n_primitives, error);
+}
+
 bool saga_flat_change_count(saga_flat *f, saga_error *error)
 {
     const int n = f->o.n_iterations, at = f->iteration;

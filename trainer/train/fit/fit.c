@@ -105,11 +105,6 @@ int saga_fit_iteration(const saga_fit *f)
     return f->iteration;
 }
 
-void saga_fit_cut_short(saga_fit *f)
-{
-    f->iteration = f->o.n_render;
-}
-
 /* --- Rate ---------------------------------------------------------------- */
 
 double saga_fit_feature_step(const saga_scene *s)
@@ -233,6 +228,22 @@ static void use_all_positions(saga_fit *f)
                                  .ns = (double)PRIM_NS * (double)n });
 }
 
+/* Starts the entropy networks as constants, measured on the features that the
+ * start has made. */
+static void start_rate(saga_fit *f)
+{
+    const saga_rate_input x = rate_input(f, f->feature);
+
+    saga_rate_start(&f->rate, f->scene, &x);
+}
+
+void saga_fit_cut_short(saga_fit *f)
+{
+    if (f->iteration == 0)
+        start_rate(f);
+    f->iteration = f->o.n_render;
+}
+
 /* --- An iteration ------------------------------------------------------- */
 
 /* Returns the number of primitives that an iteration draws: in half of the
@@ -308,13 +319,8 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     if (f->iteration % REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
-    /* The entropy networks start as constants, measured on the features that
-     * the start has made. */
-    if (f->iteration == 0) {
-        const saga_rate_input x = rate_input(f, f->feature);
-
-        saga_rate_start(&f->rate, f->scene, &x);
-    }
+    if (f->iteration == 0)
+        start_rate(f);
     /* All backward passes add to the gradients. */
     saga_clear(&(saga_span){ f->grad.reals, f->grad.n_reals * sizeof(real) },
                1);

@@ -4,9 +4,43 @@
  */
 #include "alloc.h"
 #include "save_header.h"
+#include "start.h"
 
-/* Packs the finished segments, and the one in training if its fit has begun. A
- * base alone cannot be packed. */
+/* A file of a warm-up is coded at this part of the price that a training
+ * begins with. At the whole price the start is up to 7 dB below the warm-up,
+ * which the rendering stage would win back (docs/lab/size.md). */
+#define EARLY_PRICE (1 / 30.0)
+
+/* Begins the fit with what the warm-up, or a teacher, has by now. */
+static bool begin_early(saga_train *t, saga_error *error)
+{
+    if (saga_flat_count(t->warm.flat) == 0)
+        return saga_fail(error, t->o.checkpoint, "try again a little later",
+                         "the training has only begun");
+    /* Without the pictures, the tools cannot be judged. Those in time are
+     * taken if the warm-up has them; colours do not depend on the direction. */
+    if (t->turn == 0) {
+        t->render.dynamic = t->warm.options.temporal;
+        t->render.tools = t->render.dynamic ? SAGA_TOOLS_TIME : 0;
+    }
+    /* The steps of the weights are not learned yet, so they are small. */
+    t->ablation.raw_networks = true;
+    saga_train_settle_price(t);
+    t->policy.lambda *= EARLY_PRICE;
+    return saga_flat_cut_short(t->warm.flat, error) &&
+           saga_train_begin_fit(t, error) &&
+           saga_fit_start(t->render.fit, &t->render.target, error);
+}
+
+/* Tells whether a segment is finished that can be packed without the one in
+ * training. */
+static bool has_finished(const saga_train *t)
+{
+    return t->turn > (t->base.n_prim ? 2 : 0);
+}
+
+/* Packs the finished segments, and the one in training if its fit has begun or
+ * if it is the only one. A base alone cannot be packed. */
 static bool pack_so_far(saga_train *t, saga_error *error)
 {
     if (saga_train_in_base(t))
@@ -17,20 +51,13 @@ static bool pack_so_far(saga_train *t, saga_error *error)
                          "which alone no file can be made");
     /* The segment is rounded in its present state and packed after the finished
      * ones. */
-    if (t->render.fitting) {
-        saga_fit_cut_short(t->render.fit);
-        return saga_train_pack_blind(t, error);
-    }
-    if (t->turn > (t->base.n_prim ? 2 : 0))
+    if (!t->render.fitting && has_finished(t))
         return saga_encoder_finish(t->packed.file.encoder, &t->packed.bytes,
                                    &t->packed.nbytes, &t->report.sizes, error);
-    return saga_fail(error, t->o.checkpoint,
-                     "try again in the rendering "
-                     "stage",
-                     "the training is in the warm-up, at iteration %d of %d, "
-                     "from which no file can be made",
-                     saga_train_warm_iteration(t),
-                     saga_train_warm_iterations(t));
+    if (!t->render.fitting && !begin_early(t, error))
+        return false;
+    saga_fit_cut_short(t->render.fit);
+    return saga_train_pack_blind(t, error);
 }
 
 static bool alloc_exposures(saga_train *t, saga_error *error)

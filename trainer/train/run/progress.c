@@ -132,10 +132,17 @@ static double work_of_all(const saga_train *t)
     return sum;
 }
 
+double saga_train_part_done(const saga_train *t)
+{
+    /* All turns count as taking equal time: one for each segment and, with a
+     * base, one for the base and a second one for the first segment. */
+    return (t->turn + work_done(t) / work_of_all(t)) /
+           (t->o.networks ? t->turn + 1
+                          : saga_train_n_turns(t, t->base.n_prim > 0));
+}
+
 bool saga_train_notify(const saga_train *t)
 {
-    /* .done assumes that all turns take equal time: one for each segment and,
-     * with a base, one for the base and a second one for the first segment. */
     const saga_train_progress p = {
         .stage = t->stage,
         .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)
@@ -148,9 +155,7 @@ bool saga_train_notify(const saga_train *t)
         .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
         .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->render.fit)
                                               : 0,
-        .done = (t->turn + work_done(t) / work_of_all(t)) /
-                (t->o.networks ? t->turn + 1
-                               : saga_train_n_turns(t, t->base.n_prim > 0))
+        .done = saga_train_part_done(t)
     };
 
     return !t->o.progress || t->o.progress(t->o.progress_user, &p);

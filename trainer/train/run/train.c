@@ -14,6 +14,9 @@
 /* The running mean keeps this part of its value with every picture. */
 #define RECENT_PART 0.98
 
+/* The part of the work after which the first checkpoint is written. */
+#define FIRST_LOOK 0.1
+
 /* --- Beginning ------------------------------------------------------------ */
 
 static bool begin_with_nothing(saga_train *t, saga_error *error)
@@ -81,6 +84,15 @@ static void save(saga_train *t)
     t->complaint.message[0] = '\0'; /* only the newest failure is reported */
     t->complained = !saga_train_save(t, &t->complaint);
     t->saved = saga_clock_seconds();
+    t->kept = true;
+}
+
+/* Tells whether a checkpoint is due. The first one comes early, to show what
+ * the training makes of the capture. */
+static bool is_due(const saga_train *t)
+{
+    return saga_clock_seconds() - t->saved >= t->o.checkpoint_seconds ||
+           (!t->kept && saga_train_part_done(t) >= FIRST_LOOK);
 }
 
 const char *saga_train_complaint(saga_train *t)
@@ -166,8 +178,7 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
                              (mse - t->recent_mse);
         /* When the training is stopped, the checkpoint is written first. */
         go_on = saga_train_notify(t);
-        if (!go_on ||
-            saga_clock_seconds() - t->saved >= t->o.checkpoint_seconds)
+        if (!go_on || is_due(t))
             save(t);
         if (!go_on)
             return SAGA_STOPPED;

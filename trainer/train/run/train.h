@@ -155,15 +155,17 @@ void saga_train_free(saga_train *train);
  * finished segments, and the one in training as it is now. Sets *bytes and
  * *nbytes to a file; the caller frees *bytes. After the last iteration they are
  * the bytes that the training itself packs. With a base there is one exception:
- * its first segment only makes the networks, and gives a file of its own.
- * Returns false with *error set if there is nothing to pack yet: while the base
- * is trained, and in a warm-up before any segment is finished. */
+ * its first segment only makes the networks, and gives a file of its own. In a
+ * warm-up the file has the finished segments or, if there are none, what the
+ * warm-up has by now. Returns false with *error set while the base is trained,
+ * from which alone no file can be made. */
 bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
                      saga_error *error);
 
 /* Runs until the segment is finished or the progress function stops it. It
- * writes the checkpoint every checkpoint_seconds, at the end of a stage, and
- * when stopped. A checkpoint that cannot be written does not end the training
+ * writes the checkpoint every checkpoint_seconds, for the first time after a
+ * tenth of the work at the latest, at the end of a stage, and when stopped. A
+ * checkpoint that cannot be written does not end the training
  * (saga_train_complaint). */
 saga_outcome saga_train_run(saga_train *train, saga_error *error);
 

@@ -86,6 +86,8 @@ struct saga_train {
     saga_train_report report;
     double saved; /* time of the last checkpoint, in seconds of
                    * saga_clock_seconds */
+    bool kept;    /* a checkpoint was written since the beginning, or could not
+                   * be */
     saga_error complaint;
     bool complained;
 };
@@ -105,6 +107,8 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error);
  * in its stage. */
 int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage);
 int saga_train_stage_iteration(const saga_train *t);
+/* Returns the part of all segments' work that is done, 0..1, an estimate. */
+double saga_train_part_done(const saga_train *t);
 /* Calls the progress function. Returns false if it stops the training. */
 bool saga_train_notify(const saga_train *t);
 
