@@ -15,7 +15,7 @@ enum { WIDTH = 8 };
 
 /* The state of several blocks. */
 typedef struct {
-    float *x, *g, *m, *v, *covariance, *axes;
+    float *x, *g, *m, *v, *covariance, *recent, *axes;
     saga_block_adam b;
 } blocks;
 
@@ -26,16 +26,13 @@ static float *reals(size_t n)
 
 static blocks make(size_t n, float rate)
 {
-    blocks s = { reals(n * WIDTH),
-                 reals(n * WIDTH),
-                 reals(n * WIDTH),
-                 reals(n * WIDTH),
-                 reals(n * WIDTH * WIDTH),
-                 reals(n * WIDTH * WIDTH),
-                 { 0 } };
+    blocks s = { reals(n * WIDTH),         reals(n * WIDTH),
+                 reals(n * WIDTH),         reals(n * WIDTH),
+                 reals(n * WIDTH * WIDTH), reals(n * SAGA_BLOCK_RECENT * WIDTH),
+                 reals(n * WIDTH * WIDTH), { 0 } };
 
-    s.b = (saga_block_adam){ s.x,    s.g, s.m,   s.v, s.covariance,
-                             s.axes, n,   WIDTH, rate };
+    s.b = (saga_block_adam){ s.x,      s.g,    s.m, s.v,   s.covariance,
+                             s.recent, s.axes, n,   WIDTH, rate };
     saga_block_adam_begin(&s.b);
     return s;
 }
@@ -47,6 +44,7 @@ static void drop(blocks *s)
     free(s->m);
     free(s->v);
     free(s->covariance);
+    free(s->recent);
     free(s->axes);
 }
 

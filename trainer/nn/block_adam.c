@@ -1,18 +1,30 @@
-/* SPDX-License-Identifier: MIT */
+/* SPDX-License-Identifier: MIT
+ *
+ * Rows are read in quads, since a width is a multiple of four. Covariances are
+ * large and needed only where axes turn, so the gradients of several steps are
+ * kept and added to them together. Blocks that turn in the same step are turned
+ * together, one in each lane of a vector, since a block alone is a chain of
+ * dependent sums.
+ */
 #include "block_adam.h"
 
 #include "threads.h"
+#include "vec.h"
 
-#include <string.h>
-#include <tgmath.h>
+#include <assert.h>
 
 /* This part of the trace is added to the diagonal. It does not change axes with
  * gradients, and keeps axes without any linearly independent. */
 #define RIDGE R(1e-5)
 
-/* Blocks in one task, and nanoseconds for each number of a matrix. */
-enum { BLOCKS = 64 };
-#define ENTRY_NS 1.5
+/* Blocks in one task, of which as many turn in a step as a vector has lanes;
+ * and nanoseconds for each number of a matrix. */
+enum { BLOCKS = 8 * SAGA_BLOCK_TURN_EVERY };
+#define ENTRY_NS 0.6
+
+enum { RECENT = SAGA_BLOCK_RECENT, MOST = SAGA_MAX_FEATURES };
+_Static_assert(SAGA_BLOCK_TURN_EVERY % RECENT == 0, "covariances are complete "
+                                                    "where axes turn");
 
 /* A step of all blocks. */
 typedef struct {
@@ -22,131 +34,274 @@ typedef struct {
     real c1, c2; /* 1 - beta^step */
 } job;
 
-/* Returns the dot product as four interleaved sums, so that the compiler can
- * use a vector and the order is fixed by the source. */
-static real dot(const real *a, const real *b, size_t n)
-{
-    real sum[4] = { 0 };
-    size_t i;
+typedef real quad __attribute__((vector_size(4 * sizeof(real))));
 
-    for (i = 0; i + 4 <= n; i += 4)
-        for (size_t k = 0; k < 4; k++)
-            sum[k] += a[i + k] * b[i + k];
-    for (; i < n; i++)
-        sum[0] += a[i] * b[i];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+/* --- Turns --------------------------------------------------------------- */
+
+/* The state of as many blocks as a vector has lanes. */
+typedef struct {
+    vec covariance[MOST * MOST], axes[MOST * MOST], turned[MOST * MOST];
+    vec m[MOST], v[MOST];
+} lanes;
+
+/* Copies n reals of a block to or from a lane. */
+static void to_lane(vec *to, const real *from, int lane, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        ((real *)&to[i])[lane] = from[i];
 }
 
-static real clamp(real x, real most)
+static void from_lane(real *to, const vec *from, int lane, size_t n)
 {
-    return x > most ? most : x < -most ? -most : x;
+    for (size_t i = 0; i < n; i++)
+        to[i] = ((const real *)&from[i])[lane];
+}
+
+/* Sets *to to the dot product, as four interleaved sums in the order of
+ * dot_rows. */
+static void dot(vec *to, const vec *a, const vec *b, size_t n)
+{
+    vec sum[4] = { vec_zero(), vec_zero(), vec_zero(), vec_zero() };
+
+    for (size_t i = 0; i < n; i += 4)
+        for (size_t k = 0; k < 4; k++)
+            sum[k] += a[i + k] * b[i + k];
+    *to = (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 /* Adds a x to y. */
-static void add(real *restrict y, real a, const real *restrict x, size_t n)
+static void add(vec *y, const vec *a, const vec *x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        y[i] += a * x[i];
+        y[i] += *a * x[i];
 }
 
 /* Makes row k of y a unit vector orthogonal to the previous rows. */
-static void orthogonalise(real *y, size_t k, size_t n)
+static void orthogonalise(vec *y, size_t k, size_t n)
 {
-    real *const row = y + k * n;
-    real length;
+    vec *const row = y + k * n;
+    vec length;
 
     /* Two passes are needed: if the result is small, the rounding error of the
      * first pass is about as large. */
     for (int pass = 0; pass < 2; pass++)
-        for (size_t i = 0; i < k; i++)
-            add(row, -dot(row, y + i * n, n), y + i * n, n);
-    length = sqrt(dot(row, row, n));
+        for (size_t i = 0; i < k; i++) {
+            vec along;
+
+            dot(&along, row, y + i * n, n);
+            along = -along;
+            add(row, &along, y + i * n, n);
+        }
+    dot(&length, row, row, n);
+    length = vec_sqrt(length);
     for (size_t i = 0; i < n; i++)
         row[i] /= length;
 }
 
-/* Rotates a block's axes towards the eigenvectors of its covariance, by one
- * step of orthogonal iteration, which converges over the updates. m is rotated
- * with them; v is computed from the covariance for the new axes. */
-static void turn(real *axes, real *m, real *v, const real *covariance, size_t n)
+/* Rotates axes towards the eigenvectors of their covariances, by one step of
+ * orthogonal iteration, which converges over the updates. m is rotated with
+ * them; v is computed from the covariance for the new axes. */
+static void turn_lanes(lanes *t, size_t n)
 {
-    real y[SAGA_MAX_FEATURES * SAGA_MAX_FEATURES];
-    real world[SAGA_MAX_FEATURES] = { 0 };
-    real trace = 0;
+    vec world[MOST], trace = vec_zero(), along;
 
     for (size_t i = 0; i < n; i++)
-        trace += covariance[i * n + i];
-    /* The block had no gradient yet, so that its axes stay as they are. */
-    if (!(trace > 0))
-        return;
+        trace += t->covariance[i * n + i];
     /* Row k becomes (C + ridge) axis k. */
     for (size_t k = 0; k < n; k++)
-        for (size_t i = 0; i < n; i++)
-            y[k * n + i] = (dot(covariance + i * n, axes + k * n, n) / trace) +
-                           RIDGE * axes[k * n + i];
+        for (size_t i = 0; i < n; i++) {
+            dot(&along, t->covariance + i * n, t->axes + k * n, n);
+            t->turned[k * n + i] = along / trace + RIDGE * t->axes[k * n + i];
+        }
     for (size_t k = 0; k < n; k++)
-        orthogonalise(y, k, n);
+        orthogonalise(t->turned, k, n);
     for (size_t k = 0; k < n; k++)
-        add(world, m[k], axes + k * n, n);
+        world[k] = vec_zero();
+    for (size_t k = 0; k < n; k++)
+        add(world, &t->m[k], t->axes + k * n, n);
     for (size_t k = 0; k < n; k++) {
-        m[k] = dot(y + k * n, world, n);
+        const vec *const row = t->turned + k * n;
+
+        dot(&t->m[k], row, world, n);
         /* Keeps v positive along axes without gradients, where m is only
          * rounding error. */
-        v[k] = RIDGE * trace;
-        for (size_t i = 0; i < n; i++)
-            v[k] += y[k * n + i] * dot(covariance + i * n, y + k * n, n);
+        t->v[k] = RIDGE * trace;
+        for (size_t i = 0; i < n; i++) {
+            dot(&along, t->covariance + i * n, row, n);
+            t->v[k] += row[i] * along;
+        }
     }
-    memcpy(axes, y, n * n * sizeof *axes);
 }
 
-static void step_block(const job *j, size_t i)
+/* Turns n_blocks blocks, first, first + SAGA_BLOCK_TURN_EVERY, ... */
+static void turn(const saga_block_adam *b, size_t first, int n_blocks)
+{
+    const size_t n = b->width, size = n * n;
+    lanes t;
+
+    /* Lanes without a block compute with zeros; nobody reads them. */
+    if (n_blocks < VEC_LANES) {
+        memset(t.covariance, 0, size * sizeof *t.covariance);
+        memset(t.axes, 0, size * sizeof *t.axes);
+        memset(t.m, 0, n * sizeof *t.m);
+    }
+    for (int lane = 0; lane < n_blocks; lane++) {
+        const size_t i = first + (size_t)lane * SAGA_BLOCK_TURN_EVERY;
+
+        to_lane(t.covariance, b->covariance + i * size, lane, size);
+        to_lane(t.axes, b->axes + i * size, lane, size);
+        to_lane(t.m, b->m + i * n, lane, n);
+    }
+    turn_lanes(&t, n);
+    for (int lane = 0; lane < n_blocks; lane++) {
+        const size_t i = first + (size_t)lane * SAGA_BLOCK_TURN_EVERY;
+        real trace = 0;
+
+        for (size_t k = 0; k < n; k++)
+            trace += b->covariance[i * size + k * n + k];
+        /* Without a gradient yet, axes stay as they are. */
+        if (!(trace > 0))
+            continue;
+        from_lane(b->axes + i * size, t.turned, lane, size);
+        from_lane(b->m + i * n, t.m, lane, n);
+        from_lane(b->v + i * n, t.v, lane, n);
+    }
+}
+
+/* --- Steps --------------------------------------------------------------- */
+
+static inline void load_quad(quad *to, const real *from)
+{
+    memcpy(to, from, sizeof *to);
+}
+
+/* Sets r (n, and whole vectors) to the dot products of n rows with x. Each is
+ * the sum of four interleaved sums. */
+static void dot_rows(real *r, const real *rows, const real *x, size_t n)
+{
+    for (size_t k = 0; k < n; k += 4) {
+        quad sum[4] = { { 0 } }, a, b;
+
+        for (size_t i = 0; i < n; i += 4) {
+            load_quad(&b, x + i);
+            for (size_t row = 0; row < 4; row++) {
+                load_quad(&a, rows + (k + row) * n + i);
+                sum[row] += a * b;
+            }
+        }
+        for (size_t row = 0; row < 4; row++)
+            r[k + row] = (sum[row][0] + sum[row][1]) +
+                         (sum[row][2] + sum[row][3]);
+    }
+}
+
+/* Keeps the gradient of block i. After RECENT steps it adds these gradients to
+ * the covariance in order, C = beta2 C + (1 - beta2) g g^T: like Adam's v, but
+ * the whole matrix. */
+static void remember(const job *j, size_t i)
+{
+    const saga_block_adam *const b = j->b;
+    const size_t n = b->width, at = (j->step + i + RECENT - 1) % RECENT;
+    const real beta2 = j->adam->beta2;
+    real *const recent = b->recent + i * RECENT * n;
+    real *const covariance = b->covariance + i * n * n;
+
+    memcpy(recent + at * n, b->g + i * n, n * sizeof *recent);
+    if (at < RECENT - 1)
+        return;
+    for (size_t k = 0; k < n; k++)
+        for (size_t l = 0; l < n; l += 4) {
+            quad c, g;
+
+            load_quad(&c, covariance + k * n + l);
+            for (size_t p = 0; p < RECENT; p++) {
+                load_quad(&g, recent + p * n + l);
+                c = c * beta2 + ((1 - beta2) * recent[p * n + k]) * g;
+            }
+            memcpy(covariance + k * n + l, &c, sizeof c);
+        }
+}
+
+/* Updates v by the gradients r along the axes. r has whole vectors. */
+static void spread(const job *j, real *v, const real *r, size_t n)
+{
+    const real beta2 = j->adam->beta2;
+
+    for (size_t k = 0; k < n; k++)
+        v[k] = beta2 * v[k] + (1 - beta2) * r[k] * r[k];
+}
+
+/* Moves block i along its axes by Adam, with r, the gradient along the axes,
+ * limited as in adam.c. */
+static void step_block(const job *j, size_t i, const real *r)
 {
     const saga_block_adam *const b = j->b;
     const saga_adam *const a = j->adam;
     const size_t n = b->width;
-    const real *const g = b->g + i * n;
-    real *const axes = b->axes + i * n * n;
-    real *const covariance = b->covariance + i * n * n;
-    real *const m = b->m + i * n, *const v = b->v + i * n;
-    real r[SAGA_MAX_FEATURES];
+    const real *const axes = b->axes + i * n * n;
+    real *const x = b->x + i * n;
+    real along[MOST];
 
-    /* C = beta2 C + (1 - beta2) g g^T: like Adam's v, but the whole matrix. */
     for (size_t k = 0; k < n; k++) {
-        for (size_t l = 0; l < n; l++)
-            covariance[k * n + l] *= a->beta2;
-        add(covariance + k * n, (1 - a->beta2) * g[k], g, n);
-    }
-    for (size_t k = 0; k < n; k++) {
-        r[k] = dot(axes + k * n, g, n);
-        v[k] = a->beta2 * v[k] + (1 - a->beta2) * r[k] * r[k];
-    }
-    if ((j->step + i) % SAGA_BLOCK_TURN_EVERY == 0) {
-        turn(axes, m, v, covariance, n);
-        for (size_t k = 0; k < n; k++)
-            r[k] = dot(axes + k * n, g, n);
-    }
-    /* Adam along each axis: r is the gradient there, limited as in adam.c. */
-    for (size_t k = 0; k < n; k++) {
-        const real sigma = sqrt(fmax(v[k], R(0)) / j->c2) + a->eps;
+        const real v = b->v[i * n + k];
+        const real sigma = sqrt((v > 0 ? v : 0) / j->c2) + a->eps;
+        const real most = a->most * sigma;
+        const real g = r[k] > most ? most : r[k] < -most ? -most : r[k];
+        real *const m = b->m + i * n + k;
 
-        m[k] = a->beta1 * m[k] + (1 - a->beta1) * clamp(r[k], a->most * sigma);
-        add(b->x + i * n, -b->rate * m[k] / (j->c1 * sigma), axes + k * n, n);
+        *m = a->beta1 * *m + (1 - a->beta1) * g;
+        along[k] = -b->rate * *m / (j->c1 * sigma);
     }
+    for (size_t l = 0; l < n; l += 4) {
+        quad to, axis;
+
+        load_quad(&to, x + l);
+        for (size_t k = 0; k < n; k++) {
+            load_quad(&axis, axes + k * n + l);
+            to += along[k] * axis;
+        }
+        memcpy(x + l, &to, sizeof to);
+    }
+}
+
+static bool turns(const job *j, size_t i)
+{
+    return (j->step + i) % SAGA_BLOCK_TURN_EVERY == 0;
 }
 
 static void step_part(void *user, size_t part)
 {
     const job *const j = user;
-    const saga_range of = saga_part(j->b->n, BLOCKS, part);
+    const saga_block_adam *const b = j->b;
+    const saga_range of = saga_part(b->n, BLOCKS, part);
+    const size_t n = b->width;
+    size_t first = of.end, n_turning = 0;
+    real r[MOST];
 
-    for (size_t i = of.begin; i < of.end; i++)
-        step_block(j, i);
+    for (size_t i = of.begin; i < of.end; i++) {
+        remember(j, i);
+        dot_rows(r, b->axes + i * n * n, b->g + i * n, n);
+        spread(j, b->v + i * n, r, n);
+        if (!turns(j, i))
+            step_block(j, i, r);
+        else if (n_turning++ == 0)
+            first = i;
+    }
+    /* Blocks that turn step along their new axes. */
+    for (size_t k = 0; k < n_turning; k += VEC_LANES)
+        turn(b, first + k * SAGA_BLOCK_TURN_EVERY,
+             (int)(n_turning - k < VEC_LANES ? n_turning - k : VEC_LANES));
+    for (size_t i = first; i < of.end; i += SAGA_BLOCK_TURN_EVERY) {
+        dot_rows(r, b->axes + i * n * n, b->g + i * n, n);
+        step_block(j, i, r);
+    }
 }
 
 void saga_block_adam_begin(const saga_block_adam *b)
 {
     const size_t n = b->width;
 
+    assert(n % 4 == 0 && n <= MOST);
     memset(b->axes, 0, b->n * n * n * sizeof *b->axes);
     for (size_t i = 0; i < b->n; i++)
         for (size_t k = 0; k < n; k++)
@@ -168,3 +323,6 @@ void saga_block_adam_update(const saga_block_adam *b, const saga_adam *adam,
                        .n = saga_n_parts(b->n, BLOCKS),
                        .ns = ENTRY_NS * (double)(b->n * b->width * b->width) });
 }
+
+SAGA_ISA_CHOOSE(saga_block_adam_begin);
+SAGA_ISA_CHOOSE(saga_block_adam_update);

@@ -19,33 +19,40 @@
 /* Iterations between two updates of a block's axes. In each iteration some of
  * the blocks are updated. An update costs as much as about twenty steps of its
  * block; updates every 20 iterations gained nothing in a paired comparison. */
-enum { SAGA_BLOCK_TURN_EVERY = 50 };
+enum {
+    SAGA_BLOCK_TURN_EVERY = 50,
+    SAGA_BLOCK_RECENT = 5 /* steps between two updates of a covariance */
+};
 
-/* n blocks of `width` numbers, at most SAGA_MAX_FEATURES. Everything except
- * gradient and rate is state, owned by the caller. */
+/* n blocks of `width` numbers, a multiple of four and at most
+ * SAGA_MAX_FEATURES. Everything except gradient and rate is state, owned by the
+ * caller. */
 typedef struct saga_block_adam {
     real *x;          /* (n, width) */
     const real *g;    /* (n, width) gradients */
     real *m, *v;      /* (n, width) moments along the axes, zero before
                        * the first step */
     real *covariance; /* (n, width, width), zero before the first step */
+    real *recent;     /* (n, SAGA_BLOCK_RECENT, width) gradients that the
+                       * covariance has yet to get, zero before the first
+                       * step */
     real *axes;       /* (n, width, width) rows are axes; set by
                        * saga_block_adam_begin */
     size_t n, width;
     real rate;
 } saga_block_adam;
 
-#define saga_block_adam_begin SAGA_REAL_NAME(saga_block_adam_begin)
-#define saga_block_adam_update SAGA_REAL_NAME(saga_block_adam_update)
+#define saga_block_adam_begin SAGA_ISA_NAME(saga_block_adam_begin)
+#define saga_block_adam_update SAGA_ISA_NAME(saga_block_adam_update)
 
 /* Sets the axes of all blocks to those of the coordinates. */
-void saga_block_adam_begin(const saga_block_adam *b);
+extern void saga_block_adam_begin(const saga_block_adam *b);
 
 /* Does a step; `step` counts from 1. Until the first update of its axes, a
  * block's step is that of adam.h, with the same limit of a gradient. All values
  * must be finite (saga_adam_update checks it). The result does not depend on
  * the number of threads. */
-void saga_block_adam_update(const saga_block_adam *b, const saga_adam *adam,
-                            uint64_t step);
+extern void saga_block_adam_update(const saga_block_adam *b,
+                                   const saga_adam *adam, uint64_t step);
 
 #endif

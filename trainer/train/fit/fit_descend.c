@@ -29,6 +29,7 @@ static saga_block_adam feature_blocks(saga_fit *f)
                               .m = d->m + at,
                               .v = d->v + at,
                               .covariance = d->covariance,
+                              .recent = d->recent,
                               .axes = d->axes,
                               .n = s->n.coarse,
                               .width = s->model.features };
@@ -37,6 +38,11 @@ static saga_block_adam feature_blocks(saga_fit *f)
 static size_t n_axes(const saga_scene *s)
 {
     return (size_t)s->n.coarse * s->model.features * s->model.features;
+}
+
+static size_t n_recent(const saga_scene *s)
+{
+    return (size_t)s->n.coarse * SAGA_BLOCK_RECENT * s->model.features;
 }
 
 static real *zeros(size_t n, saga_error *error)
@@ -52,8 +58,9 @@ bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
     d->m = zeros(f->scene->n_reals, error);
     d->v = zeros(f->scene->n_reals, error);
     d->covariance = zeros(n_axes(f->scene), error);
+    d->recent = zeros(n_recent(f->scene), error);
     d->axes = zeros(n_axes(f->scene), error);
-    if (!d->m || !d->v || !d->covariance || !d->axes)
+    if (!d->m || !d->v || !d->covariance || !d->recent || !d->axes)
         return false;
     features = feature_blocks(f);
     saga_block_adam_begin(&features);
@@ -65,6 +72,7 @@ void saga_fit_free_descent(saga_fit *f)
     free(f->descent.m);
     free(f->descent.v);
     free(f->descent.covariance);
+    free(f->descent.recent);
     free(f->descent.axes);
 }
 
@@ -76,6 +84,7 @@ void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
     saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
     saga_checkpoint_walk(c, d->covariance, n_square * sizeof *d->covariance);
+    saga_checkpoint_walk(c, d->recent, n_recent(f->scene) * sizeof *d->recent);
     saga_checkpoint_walk(c, d->axes, n_square * sizeof *d->axes);
 }
 

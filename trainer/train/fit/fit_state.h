@@ -13,6 +13,8 @@ typedef struct saga_descent {
                               * are along their axes */
     real *covariance, *axes; /* (coarse, F, F): of each anchor's feature
                               * gradients, and its eigenvectors */
+    real *recent;            /* (coarse, SAGA_BLOCK_RECENT, F) gradients that
+                              * the covariance has yet to get */
 } saga_descent;
 
 struct saga_fit {
