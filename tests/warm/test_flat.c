@@ -546,13 +546,16 @@ static double along_axis(const double v[3], const real *q, size_t k)
  * of the primitive relative to the geometric mean of all sizes, at most 4. */
 TEST(means_should_learn_in_steps_of_their_size)
 {
-    const saga_flat_options o = small();
-    saga_flat *const f = make(*state, &o);
-    const double rate = (double)f->rule[SAGA_ATTR_MEAN].rate;
-    double typical = 0;
+    saga_flat_options o = small();
     int n_seen = 0, n_capped = 0;
+    double rate, typical = 0;
     FREED real *before;
+    saga_flat *f;
 
+    /* Moments that learn would move means, too. */
+    o.temporal = false;
+    f = make(*state, &o);
+    rate = (double)f->rule[SAGA_ATTR_MEAN].rate;
     for (uint32_t i = 0; i < 3 * f->n; i++)
         f->value.log2_scale[i] -= (real)(i % 7);
     for (uint32_t i = 0; i < 4 * f->n; i++)
@@ -587,6 +590,75 @@ TEST(means_should_learn_in_steps_of_their_size)
         }
     }
     assert_true(n_seen > 100 && n_capped > 10);
+    saga_flat_free(f);
+}
+
+/* Sets x to the place of primitive i at time t, and x + 3 to its rotation, as
+ * splat_animate.h says, in double. */
+static void pose(double x[7], const saga_splat_params *p, size_t i, double t)
+{
+    const double width = exp2(fmin((double)p->log2_width[i], -1));
+    const double age = (t - (double)p->t_centre[i]) / width;
+
+    for (size_t a = 0; a < 3; a++) {
+        const real *const b = p->motion + 9 * i + a;
+
+        x[a] = (double)p->mean[3 * i + a] + (double)b[0] * age +
+               (double)b[3] * age * age + (double)b[6] * age * age * age;
+    }
+    for (size_t a = 0; a < 4; a++)
+        x[3 + a] = (double)p->quat[4 * i + a] +
+                   (double)p->slope[4 * i + a] * age;
+}
+
+/* While only centres and widths learn, with steps that are a hundred times the
+ * usual ones, places and rotations stay at three times. Widths are on both
+ * sides of 1/2, below which the age depends on them. */
+TEST(paths_should_stay_when_moments_learn)
+{
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+    const saga_splat_params *const p = &f->value;
+    const double late[3] = { -0.5, 0, 0.5 }; /* widths from the centre */
+    FREED double *const before = must(malloc(f->n * 21 * sizeof *before));
+    FREED double *const t = must(malloc(f->n * 3 * sizeof *t));
+    FREED real *centre = NULL, *width = NULL;
+    int n_moved = 0, n_crossed = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        f->rule[a].rate = f->rule[a].rate_end = R(1e-30);
+    f->rule[SAGA_ATTR_T_CENTRE].rate = f->rule[SAGA_ATTR_T_CENTRE].rate_end = R(
+        0.02);
+    f->rule[SAGA_ATTR_LOG2_WIDTH].rate =
+        f->rule[SAGA_ATTR_LOG2_WIDTH].rate_end = R(0.3);
+    for (uint32_t i = 0; i < f->n; i++) {
+        p->t_centre[i] = R(0.2) + R(0.1) * (real)(i % 7);
+        p->log2_width[i] = R(-1.9) + R(0.2) * (real)(i % 9);
+        for (size_t k = 0; k < 9; k++)
+            p->motion[9 * i + k] = R(0.01) * (real)((i + k) % 5);
+        for (size_t k = 0; k < 4; k++)
+            p->slope[4 * i + k] = R(0.05) * (real)((i + k) % 3);
+        for (size_t k = 0; k < 3; k++) {
+            t[3 * i + k] = (double)p->t_centre[i] +
+                           late[k] * exp2((double)p->log2_width[i]);
+            pose(before + 21 * i + 7 * k, p, i, t[3 * i + k]);
+        }
+    }
+    centre = copy_of(p->t_centre, f->n * sizeof *centre);
+    width = copy_of(p->log2_width, f->n * sizeof *width);
+    run(f, 1);
+    for (uint32_t i = 0; i < f->n; i++) {
+        n_moved += p->t_centre[i] != centre[i] && p->log2_width[i] != width[i];
+        n_crossed += (p->log2_width[i] < -1) != (width[i] < -1);
+        for (size_t k = 0; k < 3; k++) {
+            double x[7];
+
+            pose(x, p, i, t[3 * i + k]);
+            for (size_t a = 0; a < 7; a++)
+                assert_near(x[a], before[21 * i + 7 * k + a], 4e-7);
+        }
+    }
+    assert_true(n_moved > 100 && n_crossed > 10);
     saga_flat_free(f);
 }
 

@@ -212,10 +212,10 @@ static real rate_at(const saga_flat *f, int attr)
     return (real)(r->rate * pow(r->rate_end / r->rate, k));
 }
 
-/* Rotates the gradients of the means into the axes of their primitives. Steps
- * of means follow the primitive's size along each axis. Adam's equal steps
- * would move a thin primitive out of its surface, and a large one hardly at
- * all. */
+/* Rotates the gradients of the means into the axes of their primitives, and
+ * notes what keep_path needs. Steps of means follow the primitive's size along
+ * each axis. Adam's equal steps would move a thin primitive out of its surface,
+ * and a large one hardly at all. */
 static void turn_gradients(void *user, size_t part)
 {
     saga_flat *const f = user;
@@ -234,6 +234,9 @@ static void turn_gradients(void *user, size_t part)
                    axes[k][2] * world[2];
             f->step[3 * i + k] = 0;
         }
+        if (f->value.t_centre)
+            f->was[i] = (saga_flat_moment){ f->value.t_centre[i],
+                                            f->value.log2_width[i] };
     }
 }
 
@@ -306,6 +309,10 @@ static void settle_part(void *user, size_t part)
     const saga_range of = saga_part(f->n, PART, part);
 
     take_steps(f, of, s->typical);
+    saga_flat_bound(f, SAGA_ATTR_T_CENTRE, of);
+    saga_flat_bound(f, SAGA_ATTR_LOG2_WIDTH, of);
+    for (size_t i = of.begin; f->value.t_centre && i < of.end; i++)
+        saga_flat_keep_path(f, i, f->was[i]);
     for (int a = 0; a < SAGA_N_ATTRS; a++)
         saga_flat_bound(f, a, of);
     note_worth(f, of, s->mse);

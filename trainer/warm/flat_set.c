@@ -42,6 +42,17 @@ static bool enlarge(real **p, size_t old, size_t cap, saga_error *error)
     return true;
 }
 
+/* They are set before they are read. */
+static bool enlarge_moments(saga_flat *f, size_t cap, saga_error *error)
+{
+    saga_flat_moment *const was = saga_realloc(f->was, cap, sizeof *was, what,
+                                               error);
+
+    if (was)
+        f->was = was;
+    return was;
+}
+
 static bool enlarge_stats(saga_flat *f, size_t old, size_t cap,
                           saga_error *error)
 {
@@ -56,7 +67,8 @@ static bool enlarge_stats(saga_flat *f, size_t old, size_t cap,
     return enlarge(&s->grad2d, old, cap, error) &&
            enlarge(&s->weight, old, cap, error) &&
            enlarge(&f->worth, old, cap, error) &&
-           enlarge(&f->step, 3 * old, 3 * cap, error);
+           enlarge(&f->step, 3 * old, 3 * cap, error) &&
+           enlarge_moments(f, cap, error);
 }
 
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
@@ -94,6 +106,7 @@ void saga_flat_free_set(saga_flat *f)
     free(f->stats.weight);
     free(f->worth);
     free(f->step);
+    free(f->was);
     free(f->stats.seen);
 }
 
@@ -154,6 +167,40 @@ void saga_flat_bound(saga_flat *f, int attr, saga_range of)
 
     for (size_t i = w * of.begin; x && i < w * of.end; i++)
         x[i] = saga_clamp(x[i], f->rule[attr].lo, f->rule[attr].hi);
+}
+
+/* Returns by how much the age grows in a unit of time, as saga_splat_ageing. */
+static double ageing(real log2_width)
+{
+    return exp2(-fmin((double)log2_width, -1));
+}
+
+void saga_flat_keep_path(saga_flat *f, size_t i, saga_flat_moment was)
+{
+    const saga_splat_params *const p = &f->value;
+    /* Ages change by some 1e-3 in a step. The step rounds coefficients by
+     * 2^-24, which is far less than what Adam changes. */
+    const double then = ageing(was.log2_width);
+    const real ratio = (real)(then / ageing(p->log2_width[i]));
+    const real late = (real)(((double)p->t_centre[i] - (double)was.t_centre) *
+                             then);
+
+    if (ratio == 1 && late == 0)
+        return;
+    /* With age = late + ratio age', b1 age + b2 age^2 + b3 age^3 is expanded in
+     * the new age'; the place at age' = 0 goes to the mean. */
+    for (size_t a = 0; a < 3; a++) {
+        real *const b = p->motion + 9 * i + a;
+
+        p->mean[3 * i + a] += ((b[6] * late + b[3]) * late + b[0]) * late;
+        b[0] = ratio * ((3 * b[6] * late + 2 * b[3]) * late + b[0]);
+        b[3] = ratio * ratio * (3 * b[6] * late + b[3]);
+        b[6] = ratio * ratio * ratio * b[6];
+    }
+    for (size_t a = 0; a < 4; a++) {
+        p->quat[4 * i + a] += late * p->slope[4 * i + a];
+        p->slope[4 * i + a] *= ratio;
+    }
 }
 
 static void move(saga_flat *f, uint32_t to, uint32_t from)

@@ -22,6 +22,11 @@ typedef struct saga_flat_rule {
     real rate, rate_end; /* first and last learning rate */
 } saga_flat_rule;
 
+/* When a primitive is visible. */
+typedef struct saga_flat_moment {
+    real t_centre, log2_width;
+} saga_flat_moment;
+
 struct saga_flat {
     const saga_pictures *pictures;
     saga_flat_options o;
@@ -37,6 +42,7 @@ struct saga_flat {
                              * epoch */
     real *step;             /* (n, 3) step of the means, along each
                              * primitive's axes */
+    saga_flat_moment *was;  /* (n) before Adam's step */
     int iteration;
 
     saga_canvas canvas;
@@ -65,6 +71,11 @@ uint32_t saga_flat_append_copy(saga_flat *f, uint32_t from);
 void saga_flat_forget(saga_flat *f, uint32_t i);
 /* Clamps a range of an attribute's values to its bounds. */
 void saga_flat_bound(saga_flat *f, int attr, saga_range of);
+/* Expands the motion and the rotation of primitive i about its present moment;
+ * they were about another one. Its path stays while it is visible. Moments
+ * learn by the opacity alone (canvas.h: detach_time), and that gradient is
+ * right only for steps which leave the path. */
+void saga_flat_keep_path(saga_flat *f, size_t i, saga_flat_moment was);
 /* Keeps the primitives with keep[i] set, in order. */
 void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 /* Sets axes to the unit vectors of log2_scale[0], [1] and [2]. */
