@@ -226,6 +226,32 @@ TEST(pixels_should_not_count_when_they_are_unseen)
     free_fit(f);
 }
 
+/* Signs must be those of the stream, one for each value, and half of them
+ * negative. */
+TEST(signs_should_be_those_of_the_stream)
+{
+    const saga_rng r = saga_rng_stream(3, 4);
+    const uint64_t first = (uint64_t)5 << 32;
+    fit *const f = new_fit();
+    int n_negative = 0;
+
+    f->c.camera.width = W - 1;
+    f->c.camera.height = H;
+    omp_set_num_threads(3);
+    saga_canvas_draw_signs(&f->c, r, first);
+    for (int i = 0; i < 3 * (W - 1) * H; i++) {
+        const bool is_negative = f->c.d_image[i] < 0;
+
+        assert_true(fabsf(f->c.d_image[i]) == 1);
+        assert_int_equal(is_negative,
+                         !(saga_rng_bits(r, first + (uint64_t)i) >> 63));
+        n_negative += is_negative;
+    }
+    /* Eight deviations of a binomial distribution of 18,240 draws. */
+    assert_in_range(n_negative, 9120 - 540, 9120 + 540);
+    free_fit(f);
+}
+
 /* Points all tensors at primitive `first`. */
 static saga_splat_params from(saga_splat_params p, size_t first)
 {

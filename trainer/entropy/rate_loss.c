@@ -345,28 +345,63 @@ static void keep_decoded(saga_rate *r, const saga_rate_input *x, int kind,
         r->decoded[SAGA_RATE_OFFSETS * block + i] = R(y[i]);
 }
 
+/* Blocks that are coded in one task, and nanoseconds for a value. */
+enum { CODE_PART = 64, CODE_NS = 60 };
+
+typedef struct {
+    saga_rate *r;
+    const saga_rate_input *x;
+    int kind;
+    saga_rate_list list;
+} coding;
+
+/* Codes block i of a list, and sets its row of bits. */
+static void code_block(const coding *c, size_t i)
+{
+    const saga_model *const m = &c->x->scene->model;
+    const size_t channels = saga_n_channels(m, c->kind);
+    const saga_rate_kind *const k = &c->r->context.kind[c->kind];
+    const size_t block = c->list.block[i];
+    double *const bits = c->r->row_bits + i * SAGA_N_STEPS;
+    double y[SAGA_RATE_ROW];
+    const size_t rows = saga_rate_read_block(y, c->r, c->x, c->kind, block);
+
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    for (size_t j = 0; j < rows * channels; j++) {
+        const size_t channel = j % channels;
+        /* All primitives of a fine anchor share mu and sigma. */
+        const size_t p = i * channels + channel;
+
+        bits[saga_rate_step_of(c->kind, channel)] += code_value(
+            &y[j], m, c->kind, channel, k->mu[p], k->log2_sigma[p]);
+    }
+    keep_decoded(c->r, c->x, c->kind, block, y);
+}
+
+static void code_part(void *user, size_t part)
+{
+    const coding *const c = user;
+    const saga_range of = saga_part(c->list.n, CODE_PART, part);
+
+    for (size_t i = of.begin; i < of.end; i++)
+        code_block(c, i);
+}
+
 static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
                       const saga_rate_input *x, int kind, saga_rate_list list)
 {
-    const saga_model *const m = &x->scene->model;
-    const size_t channels = saga_n_channels(m, kind);
-    const saga_rate_kind *const k = &r->context.kind[kind];
-    size_t i, c;
+    const size_t channels = saga_n_channels(&x->scene->model, kind);
+    coding c = { r, x, kind, list };
 
     predict(r, x, kind, list, r->decoded);
-    for (i = 0; i < list.n; i++) {
-        double y[SAGA_RATE_ROW];
-        const size_t rows = saga_rate_read_block(y, r, x, kind, list.block[i]);
-
-        for (c = 0; c < rows * channels; c++) {
-            /* All primitives of a fine anchor share mu and sigma. */
-            const size_t p = i * channels + c % channels;
-
-            bits[saga_rate_step_of(kind, c % channels)] += code_value(
-                &y[c], m, kind, c % channels, k->mu[p], k->log2_sigma[p]);
-        }
-        keep_decoded(r, x, kind, list.block[i], y);
-    }
+    saga_parallel(&(saga_tasks){ .run = code_part,
+                                 .user = &c,
+                                 .n = saga_n_parts(list.n, CODE_PART),
+                                 .ns = CODE_NS * (double)(list.n * channels) });
+    /* The sum is in the order of blocks, whatever thread coded them. */
+    for (size_t i = 0; i < list.n; i++)
+        for (size_t k = 0; k < SAGA_N_STEPS; k++)
+            bits[k] += r->row_bits[i * SAGA_N_STEPS + k];
 }
 
 /* Starts with the true offsets and counts; offsets are replaced as they are

@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "model.h"
+#include "threads.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -64,13 +65,28 @@ double saga_canvas_n_seen(const saga_canvas *c)
     return n > c->n_unseen ? 3 * (double)(n - c->n_unseen) : 1;
 }
 
-double saga_canvas_mse(const saga_canvas *c)
+static size_t n_samples(const saga_canvas *c)
 {
-    const size_t n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
-    double sum = 0;
-    size_t i;
+    return 3 * (size_t)c->camera.width * (size_t)c->camera.height;
+}
 
-    for (i = 0; i < n; i++) {
+/* The samples of a picture in PARTS parts, however many threads there are, and
+ * nanoseconds for a sample. */
+enum { PARTS = 256, ERROR_NS = 1, SIGN_NS = 10 };
+
+typedef struct {
+    const saga_canvas *c;
+    double sum[PARTS]; /* of squared errors */
+} squares;
+
+static void add_squares(void *user, size_t part)
+{
+    squares *const s = user;
+    const saga_canvas *const c = s->c;
+    const saga_range of = saga_slice(n_samples(c), 1, part, PARTS);
+    double sum = 0;
+
+    for (size_t i = of.begin; i < of.end; i++) {
         /* Pixels with truth < 0 do not count. */
         const double e = c->truth[i] < 0
                              ? 0
@@ -79,7 +95,47 @@ double saga_canvas_mse(const saga_canvas *c)
 
         sum += e * e;
     }
+    s->sum[part] = sum;
+}
+
+double saga_canvas_mse(const saga_canvas *c)
+{
+    squares s = { .c = c };
+    double sum = 0;
+
+    saga_parallel(&(saga_tasks){ .run = add_squares,
+                                 .user = &s,
+                                 .n = PARTS,
+                                 .ns = ERROR_NS * (double)n_samples(c) });
+    for (int k = 0; k < PARTS; k++)
+        sum += s.sum[k];
     return sum / saga_canvas_n_seen(c);
+}
+
+typedef struct {
+    saga_canvas *c;
+    saga_rng rng;
+    uint64_t first;
+} signs;
+
+static void draw_signs(void *user, size_t part)
+{
+    const signs *const s = user;
+    const saga_range of = saga_slice(n_samples(s->c), 1, part, PARTS);
+
+    for (size_t i = of.begin; i < of.end; i++)
+        s->c->d_image[i] = saga_rng_bits(s->rng, s->first + i) >> 63 ? R(1)
+                                                                     : R(-1);
+}
+
+void saga_canvas_draw_signs(saga_canvas *c, saga_rng rng, uint64_t first)
+{
+    signs s = { c, rng, first };
+
+    saga_parallel(&(saga_tasks){ .run = draw_signs,
+                                 .user = &s,
+                                 .n = PARTS,
+                                 .ns = SIGN_NS * (double)n_samples(c) });
 }
 
 bool saga_canvas_grow(void **p, size_t *cap, size_t nbytes, saga_error *error)

@@ -14,6 +14,7 @@
 
 #include "error.h"
 #include "real.h"
+#include "rng.h"
 
 #include <stddef.h>
 #include <stdint.h>
@@ -138,6 +139,7 @@ typedef struct saga_canvas {
 #define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)
 #define saga_canvas_n_seen SAGA_REAL_NAME(saga_canvas_n_seen)
 #define saga_canvas_mse SAGA_REAL_NAME(saga_canvas_mse)
+#define saga_canvas_draw_signs SAGA_REAL_NAME(saga_canvas_draw_signs)
 #define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
 
 /* Allocates pictures of up to n_pixels pixels, initially black. Returns false
@@ -153,6 +155,12 @@ double saga_canvas_n_seen(const saga_canvas *canvas);
 /* Returns the mean squared error of the image, clipped to 0..1, against the
  * truth. */
 double saga_canvas_mse(const saga_canvas *canvas);
+
+/* Sets d_image to random signs, by the numbers of a stream from `first` on. If
+ * sign s_p takes the place of dL / d value p, the gradient of an attribute is
+ * g = sum_p s_p J_p. The signs are independent, hence the mean of g^2 is
+ * sum_p J_p^2. */
+void saga_canvas_draw_signs(saga_canvas *canvas, saga_rng rng, uint64_t first);
 
 /* For the passes: makes *p hold at least nbytes bytes. When it grows, the old
  * content is lost. Returns false with *error set if memory is short. */

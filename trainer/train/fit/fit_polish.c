@@ -130,9 +130,8 @@ static bool look(polish *p, saga_error *error)
     return true;
 }
 
-/* Adds a sample of the curvature from a picture of random signs s_p: its
- * gradient is g = sum_p s_p J_p, and the mean of g^2 is sum_p J_p^2 (start.c
- * does the same for attributes). */
+/* Adds a sample of the curvature, from a picture of random signs (start.c does
+ * the same for attributes). */
 static bool add_signs(polish *p, uint64_t number, saga_error *error)
 {
     saga_fit *const f = p->f;
@@ -146,9 +145,7 @@ static bool add_signs(polish *p, uint64_t number, saga_error *error)
         !saga_splat_forward(c, &p->twin->attr, s->n.prim, error))
         return false;
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
-    for (size_t i = 0; i < n; i++)
-        c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
-                                                                       : R(-1);
+    saga_canvas_draw_signs(c, r, (number + 1) << 32);
     if (!saga_splat_backward(&p->twin->d_attr, NULL, c, &p->twin->attr, error))
         return false;
     saga_twin_colour_backward(p->twin, &f->grad, s);

@@ -5,6 +5,7 @@
 #include "alloc.h"
 #include "canonical.h"
 #include "rng.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -62,6 +63,34 @@ static size_t stride_of(int attr)
     return (size_t)saga_attributes[attr].width;
 }
 
+/* Primitives in one task, and nanoseconds for a primitive. */
+enum { PART = 256, WEIGH_NS = 100 };
+
+/* A sample of the weights. */
+typedef struct {
+    saga_start *x;
+    const saga_splat_params *d; /* gradients of a picture of random signs */
+    double n; /* values of a picture, times the number of pictures */
+} sample;
+
+static void add_part(void *user, size_t part)
+{
+    const sample *const s = user;
+    saga_start *const x = s->x;
+    const saga_range of = saga_part(x->n, PART, part);
+    double *w = x->weight + of.begin * x->d;
+
+    for (size_t i = of.begin; i < of.end; i++)
+        for (int a = 0; a < SAGA_N_ATTRS; a++)
+            for (size_t k = 0; k < x->width[a]; k++) {
+                const double e = (double)s->d->of[a][i * stride_of(a) + k];
+
+                /* The mean over the values of a picture and over pictures has
+                 * the unit of the mean squared error. */
+                *w++ += e * e / s->n;
+            }
+}
+
 /* Adds a sample of the weights: the squared gradient of the sum of a picture's
  * pixels times random signs. Its mean is the wanted sum of squares, because
  * products of the derivatives of two different pixels cancel. */
@@ -69,35 +98,21 @@ static bool add_picture(saga_start *x, saga_fit *f, saga_rng r, uint64_t number,
                         saga_error *error)
 {
     saga_canvas *const c = &f->canvas;
-    const saga_sample picture = saga_pictures_pick(f->pictures, r, number);
-    size_t n;
+    sample s = { .x = x, .d = &f->twin.d_attr };
 
-    saga_pictures_aim(c, f->pictures, picture);
+    saga_pictures_aim(c, f->pictures,
+                      saga_pictures_pick(f->pictures, r, number));
     if (!saga_splat_forward(c, x->target, f->scene->n.prim, error))
         return false;
-    n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
-    for (size_t i = 0; i < n; i++)
-        /* The sign s_p takes the place of dL / d pixel p, so the gradient of an
-         * attribute is g = sum_p s_p J_p. The signs are independent, hence the
-         * mean of g^2 is sum_p J_p^2. */
-        c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
-                                                                       : R(-1);
+    s.n = 3.0 * c->camera.width * c->camera.height * N_PICTURES;
+    saga_canvas_draw_signs(c, r, (number + 1) << 32);
     saga_twin_clear(&f->twin, f->scene);
     if (!saga_splat_backward(&f->twin.d_attr, NULL, c, x->target, error))
         return false;
-    for (size_t i = 0; i < x->n; i++) {
-        double *w = x->weight + i * x->d;
-
-        for (int a = 0; a < SAGA_N_ATTRS; a++)
-            for (size_t k = 0; k < x->width[a]; k++) {
-                const double e =
-                    (double)f->twin.d_attr.of[a][i * stride_of(a) + k];
-
-                /* The mean over the n values of a picture and over pictures has
-                 * the unit of the mean squared error. */
-                *w++ += e * e / ((double)n * N_PICTURES);
-            }
-    }
+    saga_parallel(&(saga_tasks){ .run = add_part,
+                                 .user = &s,
+                                 .n = saga_n_parts(x->n, PART),
+                                 .ns = (double)WEIGH_NS * (double)x->n });
     return true;
 }
 

@@ -12,6 +12,7 @@
 #include "alloc.h"
 #include "linear.h"
 #include "splat_animate.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -319,10 +320,32 @@ static void direction(real d[3], const trial *a, size_t i)
         d[k] = n > 0 ? d[k] / n : 0;
 }
 
-/* Sets the colours as the camera of the canvas sees them. */
-static void colour(slanted *s, const trial *a)
+/* Primitives in one task, and nanoseconds for a primitive in each loop. */
+enum { PART = 256, SLANT_NS = 40 };
+
+typedef struct {
+    slanted *s;
+    const trial *a;
+} task;
+
+static void run_parts(slanted *s, const trial *a, void (*run)(void *, size_t))
 {
-    for (size_t i = 0; i < a->n; i++) {
+    task t = { s, a };
+
+    saga_parallel(&(saga_tasks){ .run = run,
+                                 .user = &t,
+                                 .n = saga_n_parts(a->n, PART),
+                                 .ns = (double)SLANT_NS * a->n });
+}
+
+/* Sets the colours of a part as the camera of the canvas sees them. */
+static void colour_part(void *user, size_t part)
+{
+    const trial *const a = ((const task *)user)->a;
+    const slanted *const s = ((const task *)user)->s;
+    const saga_range of = saga_part(a->n, PART, part);
+
+    for (size_t i = of.begin; i < of.end; i++) {
         const slant *const b = &s->slant[i];
         real d[3];
 
@@ -337,14 +360,17 @@ static void colour(slanted *s, const trial *a)
     }
 }
 
-/* Adds the drawn picture to the sums. */
-static void add_picture(slanted *s, const trial *a)
+/* Adds the drawn picture to the sums of a part. */
+static void add_part(void *user, size_t part)
 {
+    const trial *const a = ((const task *)user)->a;
+    const slanted *const s = ((const task *)user)->s;
+    const saga_range of = saga_part(a->n, PART, part);
     /* The gradient of a colour is -2 / n_seen sum alpha T (what is missing);
      * this takes the factor away. */
     const real half = R(-0.5 * saga_canvas_n_seen(&a->canvas));
 
-    for (size_t i = 0; i < a->n; i++) {
+    for (size_t i = of.begin; i < of.end; i++) {
         const real w = s->weight[i];
         sums *const x = &s->sum[i];
         real d[3];
@@ -407,6 +433,15 @@ static void add_step(slant *b, const sums *x)
     }
 }
 
+static void step_part(void *user, size_t part)
+{
+    const task *const t = user;
+    const saga_range of = saga_part(t->a->n, PART, part);
+
+    for (size_t i = of.begin; i < of.end; i++)
+        add_step(&t->s->slant[i], &t->s->sum[i]);
+}
+
 /* Learns from one picture of a half. */
 static bool learn(slanted *s, trial *a, int i, saga_error *error)
 {
@@ -416,14 +451,14 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
     const size_t n = a->n;
 
     aim(a, i);
-    colour(s, a);
+    run_parts(s, a, colour_part);
     /* Backward passes add to the gradients. Only those of colours are used, but
      * the others need memory too. */
     memset(s->weight, 0, n * sizeof *s->weight);
     saga_clear(all, saga_params_spans(all, &s->d, n));
     if (!saga_splat_learn(&l, &a->canvas, &s->p, a->n, error))
         return false;
-    add_picture(s, a);
+    run_parts(s, a, add_part);
     return true;
 }
 
@@ -437,8 +472,7 @@ static bool learn_half(slanted *s, trial *a, int half, saga_error *error)
         for (int i = 0; i < a->n_looks; i++)
             if (a->look[i].half == half && !learn(s, a, i, error))
                 return false;
-        for (size_t i = 0; i < a->n; i++)
-            add_step(&s->slant[i], &s->sum[i]);
+        run_parts(s, a, step_part);
     }
     return true;
 }
@@ -452,7 +486,7 @@ static bool test_half(double *sum, slanted *s, trial *a, int half,
         if (a->look[i].half == half)
             continue;
         aim(a, i);
-        colour(s, a);
+        run_parts(s, a, colour_part);
         if (!saga_splat_forward(&a->canvas, &s->p, a->n, error))
             return false;
         *sum += saga_canvas_mse(&a->canvas) / a->n_looks;
