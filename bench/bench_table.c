@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This program times the operators of decoder and trainer, all or those of the
- * given parts, and prints one table, and JSON.
+ * This program times the operators of decoder and trainer, and iterations of
+ * the training, all or those of the given parts, and prints one table, and
+ * JSON.
  *
  *     bench_table [-o OUT.json] [-b BEFORE.json] [PART...]
  *
@@ -29,7 +30,8 @@ static const struct {
     void (*run)(void);
 } parts[] = { { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
               { "coder", bench_coder },       { "stages", bench_stages },
-              { "net", bench_net },           { "splat", bench_splat } };
+              { "net", bench_net },           { "splat", bench_splat },
+              { "train", bench_train } };
 
 enum { N_PARTS = sizeof parts / sizeof *parts };
 

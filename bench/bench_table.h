@@ -50,5 +50,6 @@ void bench_coder(void);
 void bench_stages(void);
 void bench_net(void);
 void bench_splat(void);
+void bench_train(void);
 
 #endif
