@@ -8,15 +8,17 @@
 // Attributes: src; autoplay, unless the user prefers reduced motion; loop;
 // camera, an index of the rig from 0; poster, a picture until the first one is
 // drawn; controls, the bar; draw="exact", the decoder's own pixels; muted, no
-// sound until it is turned on.
+// sound until it is turned on; preload="none", nothing is fetched before
+// play(); crossorigin, as for a video.
 //
-// Events: loadeddata, play, pause, waiting, playing, progress, ended,
-// timeupdate, ratechange, volumechange, camerachange, error. Its style sets its
-// size; the default is 16:9 of the width. Elements in it with slot="buttons"
-// are added to the bar. player.d.ts has properties and methods.
+// Properties, methods and events are those of a video as far as they have a
+// meaning, and camerachange. Its style sets its size; the default is 16:9 of
+// the width. Elements in it with slot="buttons" are added to the bar.
+// player.d.ts has all of them.
 
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
+import { MARKUP, STYLE } from './markup.js';
 import { trust } from './places.js';
 import { Sound } from './sound.js';
 import { visible } from './source.js';
@@ -26,98 +28,11 @@ import { enterHeadset, hasHeadset } from './xr.js';
 const REST_MS = 2500; // time without a pointer movement, until the bar
                       // disappears
 const MOST_PARTS = 400; // of the bar; each stands for as many segments
-const RATES = [0.25, 0.5, 1, 1.5, 2]; // rates of playback that the bar offers
+const SKIP = 1; // seconds for an arrow key on the bar
 
-const icon = (id, label, paths) => `<button class="icon" id="${id}"
-    title="${label}" aria-label="${label}"><svg viewBox="0 0 24 24"
-    aria-hidden="true">${paths}</svg></button>`;
-
-const STYLE = `
-:host { display: block; position: relative; aspect-ratio: 16 / 9;
-    overflow: hidden; background: #000; color: #d9dcdf; color-scheme: dark;
-    container-type: inline-size;
-    font: 14px/1.45 system-ui, "Segoe UI", "DejaVu Sans", sans-serif;
-    --accent: #e0a458; }
-:host([hidden]), [hidden] { display: none !important; }
-#frame { position: absolute; inset: 0; display: grid; place-items: center; }
-canvas { outline: none; cursor: grab; touch-action: none; user-select: none; }
-canvas:active { cursor: grabbing; }
-canvas:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
-#poster { position: absolute; width: 100%; height: 100%; object-fit: contain;
-    pointer-events: none; }
-#told { position: absolute; max-width: 34em; margin: 0; padding: 0 24px;
-    text-align: center; overflow-wrap: anywhere; }
-#bar { position: absolute; inset: auto 0 0; display: flex; align-items: center;
-    gap: 8px; padding: 28px 12px 8px; transition: opacity 0.3s;
-    background: linear-gradient(transparent, #000b); }
-:host([resting]) #bar:not(:focus-within) { opacity: 0; }
-:host([resting]) canvas { cursor: none; }
-#line { position: relative; flex: 1; min-width: 60px; display: grid; }
-#parts { position: absolute; inset: 0 8px; display: flex; align-items: center;
-    gap: 2px; }
-#parts span { height: 4px; border-radius: 2px;
-    background: linear-gradient(90deg, #fff9 var(--got, 0%), #fff4 0); }
-#time { position: relative; width: 100%; height: 28px; margin: 0;
-    background: none; appearance: none; cursor: pointer; }
-#time::-webkit-slider-runnable-track, #time::-moz-range-track {
-    background: none; }
-#time::-webkit-slider-thumb { appearance: none; width: 16px; height: 16px;
-    border-radius: 50%; background: var(--accent); }
-#time::-moz-range-thumb { width: 16px; height: 16px; border: 0;
-    border-radius: 50%; background: var(--accent); }
-#clock { min-width: 8.5em; text-align: right; white-space: nowrap;
-    font-variant-numeric: tabular-nums; }
-select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
-    border: 1px solid #fff3; border-radius: 6px; background: #24272a;
-    color: inherit; }
-.icon { display: grid; place-items: center; flex: none; width: 34px;
-    height: 34px; padding: 0; border: 0; border-radius: 6px; background: none;
-    color: inherit; cursor: pointer; }
-.icon:hover { background: #fff2; }
-.icon svg { width: 20px; height: 20px; fill: currentColor; }
-.icon .stroke { fill: none; stroke: currentColor; stroke-width: 2; }
-:focus-visible { outline: 2px solid var(--accent); outline-offset: 1px; }
-.pauses, .playing .plays { display: none; }
-.playing .pauses { display: inline; }
-.waves { display: none; }
-.heard .waves { display: inline; }
-.heard .cross { display: none; }
-@container (max-width: 640px) {
-    #clock { display: none; }
-    select { max-width: 6em; }
-    #bar { gap: 4px; padding-inline: 6px; }
-}
-@media (prefers-reduced-motion: reduce) { #bar { transition: none; } }
-`;
-
-const MARKUP = `<div id="frame">
-  <canvas tabindex="0" role="img" part="canvas"
-    aria-label="volumetric video; drag or use the arrow keys to look around">
-  </canvas>
-  <img id="poster" alt="" hidden>
-  <p id="told" part="told" role="status"></p>
-</div>
-<div id="bar" part="bar" role="group" aria-label="player" hidden>
-  ${icon('play', 'Play (space)', `<path class="plays" d="M7 4v16l13-8z"/><path
-      class="pauses" d="M6 4h4v16H6zM14 4h4v16h-4z"/>`)}
-  <div id="line"><div id="parts"></div><input type="range" id="time" min="0"
-    max="0" step="any" value="0" aria-label="time"></div>
-  <output id="clock">0.00 / 0.00 s</output>
-  <select id="camera" title="Camera (1 to 9)" aria-label="camera"></select>
-  <select id="rate" title="Speed" aria-label="speed">${RATES.map((rate) =>
-        `<option value="${rate}"${rate === 1 ? ' selected' : ''}>${rate}&times;
-        </option>`).join('')}</select>
-  ${icon('reset', 'Back to the camera (R)',
-        '<path class="stroke" d="M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5"/>')}
-  ${icon('sound', 'Sound on (M)', `<path d="M4 9h4l5-4v14l-5-4H4z"/><path
-      class="stroke waves" d="M16 9a4 4 0 0 1 0 6M18.5 6a8 8 0 0 1 0 12"/><path
-      class="stroke cross" d="M16 9.5l5 5M21 9.5l-5 5"/>`)}
-  <slot name="buttons"></slot>
-  ${icon('headset', 'In a headset (V)', `<path class="stroke"
-      d="M3 7h18v10h-6l-3-3-3 3H3z"/>`)}
-  ${icon('full', 'Full screen (F)', `<path class="stroke"
-      d="M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"/>`)}
-</div>`;
+// Values of readyState, as of a video.
+const HAVE_NOTHING = 0, HAVE_METADATA = 1, HAVE_FUTURE_DATA = 3,
+    HAVE_ENOUGH_DATA = 4;
 
 // A server that renders pages imports this module, too, and has no elements.
 const Base = globalThis.HTMLElement ?? class {};
@@ -147,7 +62,7 @@ export class SagaPlayer extends Base {
         this.watcher.observe(this);
         this.viewer.screen.regain?.();
         if (this.isShut && this.src)
-            this.open(this.src).catch(() => {});
+            this.load();
         this.isShut = false;
     }
 
@@ -172,7 +87,7 @@ export class SagaPlayer extends Base {
         const { viewer } = this;
 
         if (name === 'src' && now)
-            this.open(now).catch(() => {}); // the `error` event reports it
+            this.load();
         else if (name === 'camera')
             viewer.selectCamera(Number(now));
         else if (name === 'controls')
@@ -212,7 +127,7 @@ export class SagaPlayer extends Base {
             this.emit('error', detail);
         });
         on('play', 'click', () => this.toggle());
-        on('time', 'input', () => viewer.seek(Number(this.$('time').value)));
+        on('time', 'input', () => this.seek(Number(this.$('time').value)));
         on('camera', 'change', () => viewer.selectCamera(
             Number(this.$('camera').value)));
         on('rate', 'change', () => {
@@ -239,12 +154,29 @@ export class SagaPlayer extends Base {
 
     // --- A file
 
+    // Opens the film of `src`, unless it has to wait for play().
+    load() {
+        if (this.preload !== 'none') {
+            this.open(this.src).catch(() => {}); // the `error` event reports it
+            return;
+        }
+        this.viewer.clear();
+        this.opening = null;
+        this.showPoster(this.getAttribute('poster'));
+    }
+
     // Opens a URL or a File. If it fails, it rejects with an error whose
     // message is a sentence.
-    async open(source) {
+    open(source) {
         this.tell('opening');
         this.showPoster(this.getAttribute('poster'));
-        await this.viewer.open(source);
+        this.viewer.credentials = this.crossOrigin === 'use-credentials'
+            ? 'include' : undefined;
+        this.seeking = false;
+        this.isFresh = true; // no picture of the film is drawn yet
+        this.opening = this.viewer.open(source);
+        this.emit('loadstart');
+        return this.opening;
     }
 
     begin() {
@@ -261,8 +193,11 @@ export class SagaPlayer extends Base {
         this.$('time').max = viewer.info.nFrames - 1;
         this.$('time').disabled = viewer.info.nFrames < 2;
         this.showParts();
+        this.canvas.setAttribute('aria-label', `volumetric video ${
+            viewer.name}; drag or use the arrow keys to look around`);
         viewer.selectCamera(Number(this.getAttribute('camera')));
-        this.emit('loadeddata');
+        this.emit('durationchange');
+        this.emit('loadedmetadata');
         if (this.hasAttribute('autoplay') && !still)
             viewer.play();
     }
@@ -332,7 +267,8 @@ export class SagaPlayer extends Base {
         this.$('play').setAttribute('aria-label',
             now.playing ? 'Pause (space)' : 'Play (space)');
         this.$('time').value = Math.min(frame, info.nFrames - 1);
-        this.$('time').setAttribute('aria-valuetext', `${seconds(frame)} s`);
+        this.$('time').setAttribute('aria-valuetext', `${seconds(frame)} of ${
+            seconds(info.nFrames)} seconds`);
         this.$('clock').textContent =
             `${seconds(frame)} / ${seconds(info.nFrames)} s`;
         this.$('camera').value = now.camera;
@@ -359,6 +295,15 @@ export class SagaPlayer extends Base {
 
     showDrawn() {
         this.$('poster').hidden = true;
+        if (this.isFresh) {
+            this.isFresh = false;
+            this.emit('loadeddata');
+            this.emit('canplay');
+        }
+        if (this.seeking && !this.viewer.stale) {
+            this.seeking = false;
+            this.emit('seeked');
+        }
         const kept = new Set(this.viewer.drawn.kept.map(
             (segment) => this.partOf(segment)));
 
@@ -401,7 +346,7 @@ export class SagaPlayer extends Base {
         if (this.viewer.playing)
             this.viewer.pause();
         else
-            this.viewer.play();
+            this.play().catch(() => {}); // the `error` event reports it
     }
 
     toggleFull() {
@@ -423,13 +368,36 @@ export class SagaPlayer extends Base {
 
     step(frames) {
         this.viewer.pause();
-        this.viewer.seek(Math.round(this.viewer.frame) + frames);
+        this.seek(Math.round(this.viewer.frame) + frames);
+    }
+
+    seek(frame) {
+        if (!this.info)
+            return;
+        this.seeking = true;
+        this.emit('seeking');
+        this.viewer.seek(frame);
+    }
+
+    // Seeks by a key that was pressed on the bar; returns whether it does that.
+    seekByKey(key) {
+        const { info, frame } = this.viewer;
+        const skip = SKIP * info.fps;
+        const to = { ArrowLeft: frame - skip, ArrowDown: frame - skip, Home: 0,
+            ArrowRight: frame + skip, ArrowUp: frame + skip,
+            End: info.nFrames - 1 }[key];
+
+        if (to === undefined)
+            return false;
+        this.seek(to);
+        return true;
     }
 
     // Handles keys of the element, and of a page that consists of a player.
     onKey(event) {
         const { viewer } = this;
         const [at] = event.composedPath();
+        const onBar = event.composedPath().includes(this.$('bar'));
         const digit = Number(event.key);
         const calls = {
             ' ': () => this.toggle(),
@@ -442,10 +410,17 @@ export class SagaPlayer extends Base {
             g: () => viewer.setExact(!viewer.exact),
         };
 
+        if (event.key === ' ' && !viewer.info && !onBar)
+            this.toggle();
         if (!viewer.info || event.defaultPrevented || event.ctrlKey ||
-            event.metaKey || event.altKey || at.matches?.('input, select') ||
+            event.metaKey || event.altKey || at.matches?.('select') ||
+            (at.matches?.('input') && at !== this.$('time')) ||
             (event.key === ' ' && at.matches?.('button')))
             return;
+        if (onBar && this.seekByKey(event.key)) {
+            event.preventDefault();
+            return;
+        }
         if (digit >= 1 && digit <= 9 && digit <= viewer.rig.length)
             viewer.selectCamera(digit - 1);
         else if (calls[event.key.toLowerCase()])
@@ -457,7 +432,36 @@ export class SagaPlayer extends Base {
 
     // --- For scripts
 
-    play() { this.viewer.play(); }
+    // Resolves when the film plays; rejects if it cannot be opened, or if it is
+    // paused before.
+    async play() {
+        if (!this.viewer.info)
+            await (this.opening && !this.error ? this.opening
+                : this.open(this.src));
+        this.viewer.play();
+        await this.drawn();
+        if (this.paused && !this.ended)
+            throw new DOMException('paused before it played', 'AbortError');
+        this.emit('playing');
+    }
+
+    // Resolves when the next picture is drawn.
+    drawn() {
+        return new Promise((resolve, reject) => {
+            const { viewer } = this;
+            const end = () => {
+                viewer.removeEventListener('drawn', end);
+                viewer.removeEventListener('failed', end);
+                if (viewer.error)
+                    reject(new Error(viewer.error.message));
+                resolve();
+            };
+
+            viewer.addEventListener('drawn', end);
+            viewer.addEventListener('failed', end);
+        });
+    }
+
     pause() { this.viewer.pause(); }
     toState() { return this.viewer.toState(); }
     setState(line) { return this.viewer.setState(line); }
@@ -476,7 +480,45 @@ export class SagaPlayer extends Base {
 
     set currentTime(seconds) {
         if (this.info)
-            this.viewer.seek(seconds * this.info.fps);
+            this.seek(seconds * this.info.fps);
+    }
+
+    get ended() {
+        return this.paused && !this.viewer.loop && Boolean(this.info) &&
+            this.viewer.frame >= this.info.nFrames - 1;
+    }
+
+    // { code, message }, with the codes of MediaError, or null.
+    get error() { return this.viewer.error; }
+
+    get readyState() {
+        const { info, drawn, frame, segments } = this.viewer;
+
+        if (!info)
+            return HAVE_NOTHING;
+        if (!drawn || drawn.segment !== this.viewer.segmentAt(frame))
+            return HAVE_METADATA;
+        return drawn.kept.length === segments.length ? HAVE_ENOUGH_DATA
+            : HAVE_FUTURE_DATA;
+    }
+
+    // The times whose segments are here, as a TimeRanges.
+    get buffered() {
+        const { info, drawn, segments } = this.viewer;
+        const ranges = [];
+
+        for (const i of [...drawn?.kept ?? []].sort((a, b) => a - b)) {
+            const { firstFrame, nFrames } = segments[i];
+            const last = ranges[ranges.length - 1];
+
+            if (last?.end === firstFrame)
+                last.end += nFrames;
+            else
+                ranges.push({ start: firstFrame, end: firstFrame + nFrames });
+        }
+        return { length: ranges.length,
+            start: (i) => ranges[i].start / info.fps,
+            end: (i) => ranges[i].end / info.fps };
     }
 
     get playbackRate() { return this.viewer.rate; }
@@ -496,6 +538,10 @@ export class SagaPlayer extends Base {
         this.emit('volumechange');
     }
 
+    get preload() { return this.getAttribute('preload') || 'auto'; }
+    set preload(preload) { this.setAttribute('preload', preload); }
+    get crossOrigin() { return this.getAttribute('crossorigin'); }
+    set crossOrigin(mode) { this.setAttribute('crossorigin', mode); }
     get src() { return this.getAttribute('src') || ''; }
     set src(address) { this.setAttribute('src', address); }
 

@@ -70,8 +70,10 @@ function nameOf(url) {
 // A source that reads a URL. If the server does not support ranges, or the
 // browser cannot read its ranges, the whole file is fetched once.
 export class HttpSource {
-    constructor(url) {
+    // credentials: as for `fetch`.
+    constructor(url, credentials = 'same-origin') {
         this.url = String(url);
+        this.credentials = credentials;
         this.name = nameOf(this.url);
         this.size = NaN;
         this.fetched = 0;
@@ -213,7 +215,8 @@ export class HttpSource {
 
         try {
             const response = await this.patiently(stop,
-                fetch(this.url, { headers, signal: stop.signal }));
+                fetch(this.url, { headers, signal: stop.signal,
+                    credentials: this.credentials }));
 
             return { response, stop };
         } catch (error) {

@@ -33,6 +33,10 @@ export class Viewer extends EventTarget {
     readonly segments: SagaSegment[];
     readonly hasSound: boolean;
     readonly name: string;
+    /** Why nothing is shown, with the codes of MediaError; or null. */
+    readonly error: { code: number; message: string } | null;
+    /** For requests of a file, as for `fetch`. */
+    credentials: RequestCredentials | undefined;
     /** Time in frames. */
     readonly frame: number;
     readonly playing: boolean;

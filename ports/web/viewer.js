@@ -69,6 +69,7 @@ export class Viewer extends EventTarget {
         canvas?.addEventListener('webglcontextrestored', () => this.changed());
         this.simd = simd;
         this.seconds = seconds;
+        this.credentials = undefined; // of requests for a file, as for `fetch`
         this.scale = 1;         // size of an exact picture, relative to the
                                 // camera's picture
         this.loop = true;       // plays from the start after the end
@@ -86,6 +87,7 @@ export class Viewer extends EventTarget {
         this.worker?.terminate();
         this.worker = null;
         this.info = null;
+        this.error = null;      // why nothing is shown
         this.frame = 0;
         this.playing = false;
         this.movedAt = -Infinity; // when the camera was last moved
@@ -139,12 +141,13 @@ export class Viewer extends EventTarget {
                 else if (data.opened)
                     resolve(this.begin(data.opened));
                 else
-                    reject(this.fail(data.failed));
+                    reject(this.fail(data.failed, data.code));
             };
             this.worker.onerror = (event) => reject(this.fail(
                 cannotStart(event.message)));
             this.worker.postMessage({ open: address, simd: this.simd,
-                seconds: this.seconds, places: absolute(places) });
+                seconds: this.seconds, places: absolute(places),
+                credentials: this.credentials });
         });
     }
 
@@ -162,9 +165,11 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    fail(why) {
+    // code: of MediaError; 4 if there is nothing that can be shown.
+    fail(why, code = 4) {
         const sentence = visible(why);
 
+        this.error = { code, message: sentence };
         this.playing = false;
         this.busy = false;
         this.endWait();

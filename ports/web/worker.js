@@ -3,8 +3,8 @@
 // A worker that opens one file and draws it, so that the page stays responsive.
 // It answers each `open` and `draw` once, in their order:
 //
-//     { open: address or File, simd, seconds, places } -> { opened } or
-//         { failed }
+//     { open: address or File, simd, seconds, places, credentials } ->
+//         { opened } or { failed }: a sentence, and { code } as in MediaError
 //     { draw: { values, num, den, make, crc, buffer } } -> { drawn } or
 //         { failed }: the result of SagaFile's method `make`, which is `draw`,
 //         `splats` or `gaussians`; buffer is reused
@@ -67,10 +67,10 @@ class Next {
 }
 
 // Makes a source from a URL, whose transfers are reported as `progress`.
-function watched(source) {
+function watched(source, credentials) {
     if (typeof source !== 'string')
         return source;
-    const http = new HttpSource(source);
+    const http = new HttpSource(source, credentials);
     let told = -Infinity;
 
     http.onProgress = ({ offset, got, nbytes }) => {
@@ -90,12 +90,13 @@ function watched(source) {
 }
 
 async function open({ open: source, simd = hasSimd(), seconds,
-    places: given }) {
+    places: given, credentials }) {
     file = null;
     Object.assign(places, given);
     const module = await loadModule({ simd });
 
-    file = await SagaFile.open(watched(source), { module, seconds });
+    file = await SagaFile.open(watched(source, credentials),
+        { module, seconds });
     next = file.segments.length > 1 && globalThis.Worker
         ? new Next(file, module) : null;
     const { info, rig, segments, hasSound } = file;
@@ -156,6 +157,10 @@ async function draw({ values, num, den, make, crc, buffer }) {
     } };
 }
 
+// Returns MediaError's number: the transfer failed, or decoding did, or nothing
+// that can be shown is there.
+const codeOf = (error) => error.isTransfer ? 2 : file?.rig ? 3 : 4;
+
 async function answer(message) {
     try {
         return message.open ? await open(message) : await draw(message.draw);
@@ -163,7 +168,7 @@ async function answer(message) {
         const text = error.name === 'SagaError' ? error.message
             : `the decoder stopped (${error.message}); load the page again`;
 
-        return { failed: text };
+        return { failed: text, code: codeOf(error) };
     }
 }
 

@@ -18,6 +18,9 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
               they do not get smaller if the worker takes most of the time
   element     attributes, properties and events work as documented; users who
               prefer reduced motion get no autoplay
+  video       it behaves as a <video>: play() opens and resolves or rejects,
+              readyState, buffered, seeking, an error with a code; arrow keys on
+              the bar seek and leave the camera alone
   keys, touch keys and fingers move the camera, also in a tall window
   state       a line of text stores camera and time, from which they are
               restored; so does the page's address
@@ -106,8 +109,9 @@ PUT = """(async () => {
     await import('/player.js');
     window.player = document.createElement('saga-player');
     window.told = [];
-    for (const type of ['loadeddata', 'play', 'pause', 'ended', 'timeupdate',
-        'camerachange', 'error'])
+    for (const type of ['loadstart', 'durationchange', 'loadedmetadata',
+        'loadeddata', 'canplay', 'play', 'playing', 'pause', 'ended',
+        'timeupdate', 'seeking', 'seeked', 'error'])
         player.addEventListener(type, () => told.push(type));
     player.style = 'width: 400px; height: 300px; aspect-ratio: auto';
     const given = %s;
@@ -318,7 +322,51 @@ def check_element(tab):
     tab.run("player.src = '/none.saga'")
     tab.wait("told.includes('error') && "
              "player.$('told').textContent.includes('404')")
+    expect(tab, "the error is", "player.error.code === 4 && "
+           "player.error.message.includes('404') || player.error")
     verdict("element")
+
+
+# What a page that knows <video> does, and what it may expect.
+def check_video(tab):
+    tab.run(PUT % json.dumps({"preload": "none", "controls": "",
+                              "src": "/" + DEMO}))
+    expect(tab, "preload=none opens:", "player.readyState === 0")
+    expect(tab, "play() does not open and play:", """player.play().then(() =>
+        !player.paused && player.readyState === 4 && ['loadstart',
+            'durationchange', 'loadedmetadata', 'loadeddata', 'canplay', 'play',
+            'playing'].every((type) => told.includes(type)) || told)""")
+    expect(tab, "buffered is", """player.buffered.length === 1 &&
+        player.buffered.start(0) === 0 && player.buffered.end(0) ===
+        player.duration || player.buffered.length""")
+    expect(tab, "a seek tells", """(player.pause(), told.length = 0,
+        new Promise((resolve) => {
+            player.addEventListener('seeked', () => resolve(
+                told.join() === 'seeking,timeupdate,seeked' &&
+                player.currentTime === 0.75 && !player.seeking || told),
+                { once: true });
+            player.currentTime = 0.75;
+        }))""")
+    tab.run("player.$('play').focus()")
+    before = tab.run("viewer.pose")
+    for key, time in (("End", 23 / 24), ("ArrowLeft", 0), ("ArrowRight", 23 / 24),
+                      ("Home", 0)):
+        press(tab, key)
+        settle(tab)
+        if abs(tab.run("player.currentTime") - time) > 1e-9 or \
+                tab.run("viewer.pose") != before:
+            complain(key, "on the bar leads to", tab.run("player.currentTime"))
+    expect(tab, "an interrupted play() gives", """(() => {
+        const told = player.play();
+        player.pause();
+        return told.then(() => 'nothing', (e) => e.name === 'AbortError' || e);
+    })()""")
+    expect(tab, "play() of nothing gives", """(() => {
+        player.src = '/none.saga';
+        return player.play().then(() => 'nothing',
+            (e) => e.message.includes('404') || e);
+    })()""")
+    verdict("video")
 
 
 def press(tab, key, **more):
@@ -470,6 +518,7 @@ def main():
         check_large(tab)
         check_pace(tab)
         check_element(tab)
+        check_video(tab)
         check_keys(tab)
         check_touch(tab)
         check_names(tab)
