@@ -407,6 +407,17 @@ TEST(longer_segments_should_have_more_that_changes)
                            saga_plan_primitives(12000, 0, 1))) < 1e-9);
 }
 
+/* In proportion up to studio's 13 views of 480x270, whose number was chosen by
+ * hand; 32 times as many pixels have 32^(2/5) = 4 times as many primitives. */
+TEST(more_pixels_should_have_fewer_primitives_each)
+{
+    const double studio = 13 * 480 * 270;
+
+    assert_true(saga_plan_primitives(studio, 0, 1) == studio / 120);
+    assert_true(fabs(saga_plan_primitives(32 * 1.7e6, 0, 1) -
+                     4 * saga_plan_primitives(1.7e6, 0, 1)) < 1e-6);
+}
+
 /* A slower preset must do more work, and more pictures must get more
  * iterations. */
 TEST(presets_should_be_in_order)

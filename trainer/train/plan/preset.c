@@ -50,6 +50,12 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * (docs/results/training.md). */
 #define PIXELS_OF_ONE 120
 
+/* Views that together have more pixels than studio's show the same things
+ * larger or once more, rather than more things. Beyond that, the number grows
+ * with this power of the pixels (docs/lab/size.md). */
+#define MANY_PIXELS 1.7e6
+#define MANY_POWER 0.4
+
 /* Moving things need more primitives: for each second, a pixel that changes
  * counts two more times. */
 #define MOTION_PART 2
@@ -130,7 +136,9 @@ int saga_plan_segments(const saga_capture *capture, int frames)
 
 double saga_plan_primitives(double pixels, double changing, double seconds)
 {
-    return pixels / PIXELS_OF_ONE *
+    const double few = fmin(pixels, MANY_PIXELS);
+
+    return few * pow(pixels / few, MANY_POWER) / PIXELS_OF_ONE *
            (1 + MOTION_PART * changing * fmax(seconds, 1));
 }
 
