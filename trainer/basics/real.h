@@ -13,6 +13,8 @@
 #define SAGA_REAL_H
 
 #include <float.h>
+#include <stddef.h>
+#include <string.h>
 
 #ifdef SAGA_REAL_DOUBLE
 typedef double real;
@@ -35,6 +37,18 @@ typedef float real;
 static inline real saga_clamp(real x, real lo, real hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
+}
+
+/* Copies a row of n reals, so few that a call of memcpy would take longer than
+ * the copy. Rows must not overlap. */
+static inline void saga_copy_row(real *to, const real *from, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i + 4 <= n; i += 4)
+        memcpy(to + i, from + i, 4 * sizeof *to);
+    for (; i < n; i++)
+        to[i] = from[i];
 }
 
 /* Returns the gradient d of a value x that is clamped to lo..hi, or 0 if a step

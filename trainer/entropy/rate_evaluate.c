@@ -92,7 +92,7 @@ static void copy_columns(real *to, size_t to_stride, const real *from,
     size_t i;
 
     for (i = rows.begin; i < rows.end; i++)
-        memcpy(to + i * to_stride, from + i * stride, n_columns * sizeof *to);
+        saga_copy_row(to + i * to_stride, from + i * stride, n_columns);
 }
 
 static void hyper_forward(const job *j, saga_range of)
@@ -128,8 +128,8 @@ static void parent_forward(real *in, const job *j, saga_range of)
     }
     /* Primitives read the features of their fine anchor. */
     for (i = of.begin; i < of.end; i++)
-        memcpy(in + i * j->dim, j->x->fine + j->list.block[i] * j->f,
-               j->f * sizeof *in);
+        saga_copy_row(in + i * j->dim, j->x->fine + j->list.block[i] * j->f,
+                      j->f);
 }
 
 static void groups_forward(real *in, const job *j, saga_range of)
@@ -147,29 +147,48 @@ static void groups_forward(real *in, const job *j, saga_range of)
         memset(in + i * j->dim + have, 0, (j->f - have) * sizeof *in);
 }
 
+/* The units and limits of mu in each channel; 0 where mu is 0. */
+typedef struct {
+    real unit[4 + SAGA_MAX_FEATURES], most[4 + SAGA_MAX_FEATURES];
+} mu_scale;
+
+static void scale_mu(mu_scale *s, const job *j, size_t channels)
+{
+    const saga_model *const m = &j->s->model;
+
+    for (size_t c = 0; c < channels; c++) {
+        const bool is_anchor = saga_rate_is_anchor(j->kind, c);
+
+        s->unit[c] = is_anchor ? 0 : saga_rate_mu_unit(m, j->kind, c);
+        s->most[c] = is_anchor
+                         ? 0
+                         : saga_rate_most(saga_rate_value_q(m, j->kind, c));
+    }
+}
+
 /* Converts the network's outputs to mu and log2 sigma. */
 static void take_parameters(const job *j, saga_range of)
 {
-    const saga_model *const m = &j->s->model;
-    const size_t channels = saga_n_channels(m, j->kind);
-    saga_rate_kind *const k = j->k;
-    size_t i, c;
+    const size_t channels = saga_n_channels(&j->s->model, j->kind);
+    const saga_rate_kind *const k = j->k;
+    mu_scale scale;
 
-    for (i = of.begin; i < of.end; i++)
-        for (c = 0; c < channels; c++) {
-            /* A row of outputs has mu of all channels, then log2 sigma of all
-             * channels. */
-            const real *const out = k->net.out + 2 * channels * i + c;
-            const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
+    scale_mu(&scale, j, channels);
+    for (size_t i = of.begin; i < of.end; i++) {
+        /* A row of outputs has mu of all channels, then log2 sigma of all
+         * channels. */
+        const real *const out = k->net.out + 2 * channels * i;
+        real *const mu = k->mu + i * channels;
+        real *const log2_sigma = k->log2_sigma + i * channels;
 
-            k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
-                                          ? 0
-                                          : saga_clamp(unit * out[0], -most,
-                                                       most);
-            k->log2_sigma[i * channels + c] = saga_clamp(
-                out[channels], R(SAGA_RATE_LOG2_MIN), R(SAGA_RATE_LOG2_MAX));
+        for (size_t c = 0; c < channels; c++) {
+            const real most = scale.most[c];
+
+            mu[c] = saga_clamp(scale.unit[c] * out[c], -most, most);
+            log2_sigma[c] = saga_clamp(out[channels + c], R(SAGA_RATE_LOG2_MIN),
+                                       R(SAGA_RATE_LOG2_MAX));
         }
+    }
 }
 
 static void bank_forward(real *in, const job *j, saga_range of)
@@ -264,26 +283,25 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
 
 static void parameters_backward(const job *j, saga_range of)
 {
-    const saga_model *const m = &j->s->model;
-    const size_t channels = saga_n_channels(m, j->kind);
-    saga_rate_kind *const k = j->k;
-    size_t i, c;
+    const size_t channels = saga_n_channels(&j->s->model, j->kind);
+    const saga_rate_kind *const k = j->k;
+    mu_scale scale;
 
-    for (i = of.begin; i < of.end; i++)
-        for (c = 0; c < channels; c++) {
+    scale_mu(&scale, j, channels);
+    for (size_t i = of.begin; i < of.end; i++) {
+        real *const d = k->net.d_out + 2 * channels * i;
+
+        for (size_t c = 0; c < channels; c++) {
             const size_t at = i * channels + c;
-            const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
-            real *const d = k->net.d_out + 2 * channels * i + c;
+            const real most = scale.most[c];
 
-            d[0] = saga_rate_is_anchor(j->kind, c)
-                       ? 0
-                       : unit *
-                             saga_inward(k->d_mu[at], k->mu[at], -most, most);
-            d[channels] = saga_inward(k->d_log2_sigma[at], k->log2_sigma[at],
-                                      R(SAGA_RATE_LOG2_MIN),
-                                      R(SAGA_RATE_LOG2_MAX));
+            d[c] = scale.unit[c] *
+                   saga_inward(k->d_mu[at], k->mu[at], -most, most);
+            d[channels + c] = saga_inward(
+                k->d_log2_sigma[at], k->log2_sigma[at], R(SAGA_RATE_LOG2_MIN),
+                R(SAGA_RATE_LOG2_MAX));
         }
+    }
 }
 
 static void hyper_backward(const job *j, const real *d_in, saga_range of,

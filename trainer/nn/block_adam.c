@@ -175,7 +175,7 @@ static inline void load_quad(quad *to, const real *from)
     memcpy(to, from, sizeof *to);
 }
 
-/* Sets r (n, and whole vectors) to the dot products of n rows with x. Each is
+/* Sets r (n) to the dot products of n rows with x. Each is
  * the sum of four interleaved sums. */
 static void dot_rows(real *r, const real *rows, const real *x, size_t n)
 {
@@ -222,7 +222,7 @@ static void remember(const job *j, size_t i)
         }
 }
 
-/* Updates v by the gradients r along the axes. r has whole vectors. */
+/* Updates v by the gradients r along the axes. */
 static void spread(const job *j, real *v, const real *r, size_t n)
 {
     const real beta2 = j->adam->beta2;
@@ -232,7 +232,7 @@ static void spread(const job *j, real *v, const real *r, size_t n)
 }
 
 /* Moves block i along its axes by Adam, with r, the gradient along the axes,
- * limited as in adam.c. */
+ * limited as in adam.c. r has whole vectors. */
 static void step_block(const job *j, size_t i, const real *r)
 {
     const saga_block_adam *const b = j->b;
@@ -240,18 +240,24 @@ static void step_block(const job *j, size_t i, const real *r)
     const size_t n = b->width;
     const real *const axes = b->axes + i * n * n;
     real *const x = b->x + i * n;
-    real along[MOST];
+    /* Lanes after the last number compute with zeros. */
+    real m[MOST + VEC_LANES], v[MOST + VEC_LANES], along[MOST + VEC_LANES];
 
-    for (size_t k = 0; k < n; k++) {
-        const real v = b->v[i * n + k];
-        const real sigma = sqrt((v > 0 ? v : 0) / j->c2) + a->eps;
-        const real most = a->most * sigma;
-        const real g = r[k] > most ? most : r[k] < -most ? -most : r[k];
-        real *const m = b->m + i * n + k;
+    vec_store(m + n, vec_zero());
+    vec_store(v + n, vec_zero());
+    saga_copy_row(m, b->m + i * n, n);
+    saga_copy_row(v, b->v + i * n, n);
+    for (size_t k = 0; k < n; k += VEC_LANES) {
+        const vec positive = vec_max(vec_load(v + k), vec_zero());
+        const vec sigma = vec_sqrt(positive / j->c2) + a->eps;
+        const vec most = a->most * sigma;
+        const vec g = vec_max(vec_min(vec_load(r + k), most), -most);
+        const vec mean = a->beta1 * vec_load(m + k) + (1 - a->beta1) * g;
 
-        *m = a->beta1 * *m + (1 - a->beta1) * g;
-        along[k] = -b->rate * *m / (j->c1 * sigma);
+        vec_store(m + k, mean);
+        vec_store(along + k, -b->rate * mean / (j->c1 * sigma));
     }
+    saga_copy_row(b->m + i * n, m, n);
     for (size_t l = 0; l < n; l += 4) {
         quad to, axis;
 
@@ -276,7 +282,7 @@ static void step_part(void *user, size_t part)
     const saga_range of = saga_part(b->n, BLOCKS, part);
     const size_t n = b->width;
     size_t first = of.end, n_turning = 0;
-    real r[MOST];
+    real r[MOST + VEC_LANES] = { 0 };
 
     for (size_t i = of.begin; i < of.end; i++) {
         remember(j, i);

@@ -16,7 +16,7 @@ enum { ROWS = 8 };
 enum { ROWS = 4 };
 #endif
 
-enum { CHUNK = 64 };
+enum { NARROW = 8, CHUNK = 64 };
 
 static vec rectify(vec x)
 {
@@ -71,32 +71,28 @@ static void tile_wide(const tile *t, size_t row, size_t column)
         put_wide(t, row + (size_t)i, column, a[i]);
 }
 
-static void tile_4x1(const tile *t, size_t row, size_t column)
+/* A tile of one vector, with as many points as need eight accumulators. */
+static void tile_narrow(const tile *t, size_t row, size_t column)
 {
-    const real *const x0 = t->x + row * t->x_stride;
-    const real *const x1 = x0 + t->x_stride;
-    const real *const x2 = x1 + t->x_stride;
-    const real *const x3 = x2 + t->x_stride;
+    const real *const x = t->x + row * t->x_stride;
     const real *w = t->w + column;
-    vec a0 = vec_zero(), a1, a2, a3;
+    vec a[NARROW];
     size_t k;
+    int i;
 
-    if (t->bias)
-        a0 = vec_load(t->bias + column);
-    a1 = a2 = a3 = a0;
-    /* The weights of an input are loaded once for all four points. */
+    WIDE_UNROLL
+    for (i = 0; i < NARROW; i++)
+        a[i] = t->bias ? vec_load(t->bias + column) : vec_zero();
     for (k = 0; k < t->n_in; k++, w += t->stride) {
-        const vec wa = vec_load(w);
+        const vec at = vec_load(w);
 
-        a0 = vec_fma(vec_set1(x0[k]), wa, a0);
-        a1 = vec_fma(vec_set1(x1[k]), wa, a1);
-        a2 = vec_fma(vec_set1(x2[k]), wa, a2);
-        a3 = vec_fma(vec_set1(x3[k]), wa, a3);
+        WIDE_UNROLL
+        for (i = 0; i < NARROW; i++)
+            a[i] = vec_fma(vec_set1(x[(size_t)i * t->x_stride + k]), at, a[i]);
     }
-    put(t, row, column, a0);
-    put(t, row + 1, column, a1);
-    put(t, row + 2, column, a2);
-    put(t, row + 3, column, a3);
+    WIDE_UNROLL
+    for (i = 0; i < NARROW; i++)
+        put(t, row + (size_t)i, column, a[i]);
 }
 
 static void tile_1x1(const tile *t, size_t row, size_t column)
@@ -121,12 +117,12 @@ void saga_dense_forward(real *y, const saga_dense *layer,
 
     /* Whole tiles come first, next to them the columns that do not fill a tile,
      * and then the remaining points one by one. */
-    for (row = 0; row + ROWS <= x->n; row += ROWS) {
+    for (row = 0; row + NARROW <= x->n; row += NARROW) {
         for (column = 0; column + WIDE_LANES <= width; column += WIDE_LANES)
-            tile_wide(&t, row, column);
+            for (i = 0; i < NARROW; i += ROWS)
+                tile_wide(&t, row + i, column);
         for (; column < width; column += VEC_LANES)
-            for (i = 0; i < ROWS; i += 4)
-                tile_4x1(&t, row + i, column);
+            tile_narrow(&t, row, column);
     }
     for (; row < x->n; row++)
         for (column = 0; column < width; column += VEC_LANES)
@@ -175,59 +171,49 @@ static void outer_wide(const outer *t, size_t row, size_t column)
     }
 }
 
-static void outer_4x1(const outer *t, size_t row, size_t column)
+static inline void outer_rows(const outer *t, size_t row, size_t column, int n)
 {
     const real *dy = t->dy + row;
     const real *x = t->x + column;
     real *const to = t->dw + row * t->stride + column;
-    vec a0 = vec_zero(), a1 = a0, a2 = a0, a3 = a0;
-    size_t i;
+    vec a[NARROW];
+    size_t point;
+    int i;
 
-    for (i = 0; i < t->n; i++, dy += t->dy_stride, x += t->stride) {
-        const vec xa = vec_load(x);
+    WIDE_UNROLL
+    for (i = 0; i < n; i++)
+        a[i] = vec_zero();
+    for (point = 0; point < t->n; point++, dy += t->dy_stride, x += t->stride) {
+        const vec at = vec_load(x);
 
-        a0 = vec_fma(vec_set1(dy[0]), xa, a0);
-        a1 = vec_fma(vec_set1(dy[1]), xa, a1);
-        a2 = vec_fma(vec_set1(dy[2]), xa, a2);
-        a3 = vec_fma(vec_set1(dy[3]), xa, a3);
+        WIDE_UNROLL
+        for (i = 0; i < n; i++)
+            a[i] = vec_fma(vec_set1(dy[i]), at, a[i]);
     }
-    add(to, a0);
-    add(to + t->stride, a1);
-    add(to + 2 * t->stride, a2);
-    add(to + 3 * t->stride, a3);
-}
-
-static void outer_1x1(const outer *t, size_t row, size_t column)
-{
-    const real *dy = t->dy + row;
-    const real *x = t->x + column;
-    vec a = vec_zero();
-    size_t i;
-
-    for (i = 0; i < t->n; i++, dy += t->dy_stride, x += t->stride)
-        a = vec_fma(vec_set1(dy[0]), vec_load(x), a);
-    add(t->dw + row * t->stride + column, a);
+    WIDE_UNROLL
+    for (i = 0; i < n; i++)
+        add(to + (size_t)i * t->stride, a[i]);
 }
 
 static void outer_chunk(const outer *t, size_t n_out)
 {
     size_t row, column, i;
 
-    /* dw has a row for each output: tiles of ROWS rows, then of four, then
+    /* dw has a row for each output: tiles of eight rows, then of four, then
      * single rows. */
-    for (row = 0; row + ROWS <= n_out; row += ROWS) {
+    for (row = 0; row + NARROW <= n_out; row += NARROW) {
         for (column = 0; column + WIDE_LANES <= t->stride; column += WIDE_LANES)
-            outer_wide(t, row, column);
+            for (i = 0; i < NARROW; i += ROWS)
+                outer_wide(t, row + i, column);
         for (; column < t->stride; column += VEC_LANES)
-            for (i = 0; i < ROWS; i += 4)
-                outer_4x1(t, row + i, column);
+            outer_rows(t, row, column, NARROW);
     }
     for (; row + 4 <= n_out; row += 4)
         for (column = 0; column < t->stride; column += VEC_LANES)
-            outer_4x1(t, row, column);
+            outer_rows(t, row, column, 4);
     for (; row < n_out; row++)
         for (column = 0; column < t->stride; column += VEC_LANES)
-            outer_1x1(t, row, column);
+            outer_rows(t, row, column, 1);
 }
 
 void saga_dense_backward(real *dw, const saga_dense_rows *dy,

@@ -114,12 +114,37 @@ static void embed(real *at, const real *p, int n_axes, int octaves)
     put_pairs(at, x, n);
 }
 
+/* Writes the embeddings of m points of four coordinates with one octave, of
+ * several points at a time, and returns how many were written. */
+static size_t embed_quads(real *y, size_t stride, const real *u, size_t m)
+{
+    enum { POINTS = VEC_LANES / 4 ? VEC_LANES / 4 : 1 };
+    size_t i = 0;
+
+    for (; VEC_LANES >= 4 && i + POINTS <= m; i += POINTS) {
+        real s[VEC_LANES], c[VEC_LANES];
+        vec sine, cosine;
+
+        turn(&sine, &cosine, vec_load(u + 4 * i));
+        vec_store(s, sine);
+        vec_store(c, cosine);
+        for (size_t point = 0; point < POINTS; point++)
+            for (size_t k = 0; k < 4; k++) {
+                real *const to = y + (i + point) * stride + 2 * k;
+
+                to[0] = s[4 * point + k];
+                to[1] = c[4 * point + k];
+            }
+    }
+    return i;
+}
+
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                             int n_axes, int octaves)
 {
-    size_t i;
+    size_t i = n_axes == 4 && octaves == 1 ? embed_quads(y, stride, u, m) : 0;
 
-    for (i = 0; i < m; i++)
+    for (; i < m; i++)
         embed(y + i * stride, u + i * (size_t)n_axes, n_axes, octaves);
 }
 

@@ -172,9 +172,9 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
     size_t i;
 
     for (i = 0; i < n; i++) {
-        memcpy(to + i * to_stride, from + i * from_stride, len * sizeof *to);
-        if (to_stride > len)
-            memset(to + i * to_stride + len, 0, (to_stride - len) * sizeof *to);
+        saga_copy_row(to + i * to_stride, from + i * from_stride, len);
+        for (size_t k = len; k < to_stride; k++)
+            to[i * to_stride + k] = 0;
     }
 }
 

@@ -77,6 +77,15 @@ void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
         nb->rank[i] += first;
 }
 
+bool saga_links_are_own(const saga_links *l, size_t queries)
+{
+    bool own = l->n == queries;
+
+    for (size_t i = 0; i < queries && own; i++)
+        own = l->begin[i] == i && l->rank[i] == i && l->weight[i] == 1;
+    return own;
+}
+
 /* --- Interpolation ------------------------------------------------------- */
 
 void saga_links_gather(real *out, const saga_links *l, const real *source,

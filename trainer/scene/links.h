@@ -23,6 +23,7 @@ typedef struct saga_links {
 #define saga_links_free SAGA_REAL_NAME(saga_links_free)
 #define saga_links_add SAGA_REAL_NAME(saga_links_add)
 #define saga_links_find SAGA_REAL_NAME(saga_links_find)
+#define saga_links_are_own SAGA_REAL_NAME(saga_links_are_own)
 #define saga_links_gather SAGA_REAL_NAME(saga_links_gather)
 #define saga_links_scatter SAGA_REAL_NAME(saga_links_scatter)
 #define saga_links_scaffold SAGA_REAL_NAME(saga_links_scaffold)
@@ -52,6 +53,9 @@ typedef struct saga_links_query {
  * centre. sc is made from s by saga_links_scaffold. */
 void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
                      const saga_scene *s, const saga_links_query *query);
+
+/* Tells whether each query has one link, to its own rank, of weight 1. */
+bool saga_links_are_own(const saga_links *l, size_t queries);
 
 /* Sets rows of out (n, F) to weighted sums of rows of source (sources, F). Row
  * i is for query[i], or for query i if query is NULL. */

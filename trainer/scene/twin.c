@@ -42,6 +42,8 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
 
         saga_twin_batch_take(&w->batch[net], a, t, rows);
     }
+    /* The first layer of colour has the inputs of F_geo. */
+    w->batch[SAGA_NET_COLOUR_BASE].in = w->batch[SAGA_NET_GEO].in;
     w->fine_feature = saga_arena_take(a, fine * f);
     w->d_fine_feature = saga_arena_take(a, fine * f);
     w->log2_support = saga_arena_take(a, 4 * fine);

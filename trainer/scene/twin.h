@@ -36,6 +36,10 @@ typedef struct saga_twin {
     saga_links to_fine, to_prim; /* links from fine anchors to coarse
                                   * ones, and from primitives to fine
                                   * ones */
+    bool own[SAGA_N_TIERS];      /* of a tier, whether each row reads its
+                                  * own anchor, without Fuse: then features
+                                  * and gradients pass without a copy in
+                                  * the context */
     saga_twin_batch batch[SAGA_N_NETS];
     real *fine_feature, *d_fine_feature; /* (n.fine, F) */
     real *log2_support;                  /* (n.fine, 4) clamped */

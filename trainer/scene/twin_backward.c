@@ -249,18 +249,22 @@ static void prim_block(void *user, size_t block)
     const saga_twin_stage *const t = user;
     const size_t f = t->s->model.features;
     const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
-    const real *const geo = t->w->batch[SAGA_NET_GEO].d_in;
-    const real *const base = t->w->batch[SAGA_NET_COLOUR_BASE].d_in;
-    real *const to = d_fused(t->w, t->s, SAGA_TIER_FINE);
+    const real *geo = t->w->batch[SAGA_NET_GEO].d_in;
+    const real *base = t->w->batch[SAGA_NET_COLOUR_BASE].d_in;
+    const bool own = t->w->own[SAGA_TIER_FINE];
+    real *const to = own ? t->w->d_fine_feature
+                         : d_fused(t->w, t->s, SAGA_TIER_FINE);
     const saga_range of = saga_net_block(t->w->n.prim, block);
     size_t i, k;
 
     saga_twin_correct_backward(t, block);
     back(t, SAGA_NET_GEO, block);
     back(t, SAGA_NET_COLOUR_BASE, block);
-    for (i = of.begin; i < of.end; i++)
+    geo += of.begin * dim;
+    base += of.begin * dim;
+    for (i = of.begin; i < of.end; i++, geo += dim, base += dim)
         for (k = 0; k < f; k++)
-            to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
+            to[i * f + k] = (own ? to[i * f + k] : 0) + (geo[k] + base[k]);
     fuse_backward(t, SAGA_TIER_FINE, block);
 }
 
@@ -278,8 +282,9 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     t.nets = nets;
     t.n_nets = 4;
     go_back(prim_block, &t, w->n.prim);
-    saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
-                       s->model.features, NULL, w->n.prim);
+    if (!w->own[SAGA_TIER_FINE])
+        saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
+                           s->model.features, NULL, w->n.prim);
 }
 
 /* Sets the gradients of F_fine's rows from those of fine features and
@@ -292,8 +297,8 @@ static void fine_outputs(const saga_twin_stage *t, size_t i)
     const size_t f = t->s->model.features;
     size_t k;
 
-    memcpy(d_out + t->rows[SAGA_OUT_FINE].first, w->d_fine_feature + i * f,
-           f * sizeof *d_out);
+    saga_copy_row(d_out + t->rows[SAGA_OUT_FINE].first,
+                  w->d_fine_feature + i * f, f);
     for (k = 0; k < 4; k++) {
         const real l = w->log2_support[4 * i + k];
         const int inside = l < 0 && l > saga_twin_least_support(k);
@@ -309,15 +314,18 @@ static void fine_block(void *user, size_t block)
     const size_t f = t->s->model.features;
     const size_t dim = (size_t)t->s->net[SAGA_NET_FINE].dim[0];
     const real *const d_in = t->w->batch[SAGA_NET_FINE].d_in;
-    real *const to = d_fused(t->w, t->s, SAGA_TIER_COARSE);
+    const bool own = t->w->own[SAGA_TIER_COARSE];
+    real *const to = own ? t->d->coarse_feature
+                         : d_fused(t->w, t->s, SAGA_TIER_COARSE);
     const saga_range of = saga_net_block(t->w->n.fine, block);
-    size_t i;
+    size_t i, k;
 
     for (i = of.begin; i < of.end; i++)
         fine_outputs(t, i);
     back(t, SAGA_NET_FINE, block);
     for (i = of.begin; i < of.end; i++)
-        memcpy(to + i * f, d_in + i * dim, f * sizeof *to);
+        for (k = 0; k < f; k++)
+            to[i * f + k] = (own ? to[i * f + k] : 0) + d_in[i * dim + k];
     fuse_backward(t, SAGA_TIER_COARSE, block);
 }
 
@@ -331,6 +339,7 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
      * fine features and supports, from which the coarse tier continues. */
     prims_backward(w, d, s);
     go_back(fine_block, &t, w->n.fine);
-    saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
-                       s->model.features, NULL, w->n.fine);
+    if (!w->own[SAGA_TIER_COARSE])
+        saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
+                           s->model.features, NULL, w->n.fine);
 }

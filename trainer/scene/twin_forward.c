@@ -49,19 +49,28 @@ static void assemble(saga_twin *w, const saga_scene *s, int net,
     size_t i;
 
     for (i = of.begin; i < of.end; i++)
-        memcpy(in + i * dim, feature + i * f, f * sizeof *in);
+        saga_copy_row(in + i * dim, feature + i * f, f);
     saga_embedding_forward(in + of.begin * dim + f, dim, phase + 4 * of.begin,
                            of.end - of.begin, 4, s->model.octaves);
 }
 
-/* Returns the output of a tier's Fuse network for w->context, or w->context if
- * there is no such network. */
-static const real *fuse_forward(const saga_twin_stage *t, int tier,
-                                const real *phase, size_t chunk)
+/* Returns the features of a chunk's rows: those of their anchors in `source`,
+ * interpolated, and then the output of the tier's Fuse network if there is
+ * one. */
+static const real *context_forward(const saga_twin_stage *t, int tier,
+                                   const real *source, const real *phase,
+                                   size_t chunk)
 {
     saga_twin *const w = t->w;
     const int net = saga_fuse_net(tier);
+    const bool is_fine = tier == SAGA_TIER_COARSE;
 
+    if (w->own[tier])
+        return source;
+    saga_links_gather(
+        w->context, is_fine ? &w->to_fine : &w->to_prim, source,
+        t->s->model.features, NULL,
+        saga_part(is_fine ? w->n.fine : w->n.prim, SAGA_NET_CHUNK, chunk));
     if (t->s->net[net].n_layers == 0)
         return w->context;
     assemble(w, t->s, net, w->context, phase,
@@ -84,8 +93,8 @@ static void take_fine(const saga_twin_stage *t, size_t i)
     const real *const raw = out + t->rows[SAGA_OUT_SUPPORT].first;
     int k;
 
-    memcpy(w->fine_feature + i * f, out + t->rows[SAGA_OUT_FINE].first,
-           f * sizeof *out);
+    saga_copy_row(w->fine_feature + i * f, out + t->rows[SAGA_OUT_FINE].first,
+                  f);
     for (k = 0; k < 4; k++) {
         const real lo = saga_twin_least_support((size_t)k), hi = 0;
         /* half is log2 of the cell's half-size, to which the output is
@@ -103,12 +112,10 @@ static void fine_chunk(void *user, size_t chunk)
     const saga_twin_stage *const t = user;
     saga_twin *const w = t->w;
     const saga_range of = saga_part(w->n.fine, SAGA_NET_CHUNK, chunk);
-    const real *fused;
+    const real *const fused = context_forward(t, SAGA_TIER_COARSE, t->feature,
+                                              w->fine_phase, chunk);
     size_t i;
 
-    saga_links_gather(w->context, &w->to_fine, t->feature, t->s->model.features,
-                      NULL, of);
-    fused = fuse_forward(t, SAGA_TIER_COARSE, w->fine_phase, chunk);
     assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
     forward_chunk(w, t->s, SAGA_NET_FINE, chunk);
     for (i = of.begin; i < of.end; i++)
@@ -123,6 +130,8 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
         .w = w, .s = s, .feature = feature, .nets = nets, .n_nets = 2
     };
 
+    w->own[SAGA_TIER_COARSE] = saga_links_are_own(&w->to_fine, w->n.fine) &&
+                               s->net[SAGA_NET_FUSE_C].n_layers == 0;
     saga_model_rows(t.rows, &s->model);
     begin_networks(&t);
     saga_twin_do_rows(fine_chunk, &t, w->n.fine);
@@ -201,16 +210,10 @@ static void geometry_chunk(void *user, size_t chunk)
     const saga_twin_stage *const t = user;
     saga_twin *const w = t->w;
     const saga_range of = saga_part(w->n.prim, SAGA_NET_CHUNK, chunk);
-    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
-    const real *fused;
+    const real *const fused = context_forward(
+        t, SAGA_TIER_FINE, w->fine_feature, w->prim_phase, chunk);
 
-    saga_links_gather(w->context, &w->to_prim, w->fine_feature,
-                      t->s->model.features, NULL, of);
-    fused = fuse_forward(t, SAGA_TIER_FINE, w->prim_phase, chunk);
     assemble(w, t->s, SAGA_NET_GEO, fused, w->prim_offset, of);
-    memcpy(w->batch[SAGA_NET_COLOUR_BASE].in + of.begin * dim,
-           w->batch[SAGA_NET_GEO].in + of.begin * dim,
-           (of.end - of.begin) * dim * sizeof(real));
     forward_chunk(w, t->s, SAGA_NET_GEO, chunk);
     forward_chunk(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
     saga_twin_correct(t, chunk);
@@ -225,6 +228,8 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s, const real *feature)
     saga_twin_stage t = { .w = w, .s = s, .nets = nets, .n_nets = 4 };
 
     saga_twin_fine_forward(w, s, feature);
+    w->own[SAGA_TIER_FINE] = saga_links_are_own(&w->to_prim, w->n.prim) &&
+                             s->net[SAGA_NET_FUSE_F].n_layers == 0;
     saga_twin_attribute_rows(t.rows, s);
     begin_networks(&t);
     saga_twin_do_rows(geometry_chunk, &t, w->n.prim);
