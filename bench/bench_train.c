@@ -90,7 +90,6 @@ static void time_training(int n, int width, int height)
                                    .n_layers = 1,
                                    .seed = 1,
                                    .motion = SAGA_TRAIN_MOVING,
-                                   .ablate = "no-bank",
                                    .progress = lap,
                                    .progress_user = &w };
     saga_train *const t = saga_train_new(&c, &o, &e);

@@ -92,6 +92,9 @@ TEST(networks_should_be_what_a_scene_needs)
     m = model_of(6000, 6000, ORDER_2, 2);
     assert_int_equal(m.features, 16);
     assert_int_equal(m.width[SAGA_NET_GEO], 32);
+    /* The bank is only for who asks for it, however large the scene. */
+    assert_int_equal(
+        model_of(100000, 100000, ORDER_2, 3).tools & SAGA_TOOL_BANK, 0);
     m = model_of(500, 500, SAGA_TOOL_VIEW, 0);
     assert_int_equal(m.features, 12);
     assert_int_equal(m.width[SAGA_NET_GEO], 0);

@@ -22,7 +22,7 @@ typedef struct saga_ablation {
                             * of 8; 1: a single group, so that groups are
                             * no source */
     uint16_t slots;        /* slots of the memory bank: 32, 64, .. 512; 0:
-                            * 64, and no bank below 40,000 primitives */
+                            * 64 for the paper's model, otherwise none */
     uint16_t plain_update; /* 1: there is a bank, and its update has no
                             * projection */
     uint16_t no_base;      /* 1: no base, even if things stand still */
@@ -61,8 +61,8 @@ typedef struct saga_ablation {
       "               ones, so 1 switches this off")                           \
     X(slots, "slots=", "L        ", SAGA_MAX_SLOTS,                            \
       "use a memory bank of L slots: 32, 64,\n"                                \
-      "               128, 256 or 512 (default 64, and no\n"                   \
-      "               bank below 40,000 primitives)")                          \
+      "               128, 256 or 512 (default: 64 with\n"                     \
+      "               --model paper, otherwise no bank)")                      \
     X(plain_update, "plain-update", "   ", 1,                                  \
       "store each token in the bank in full,\n"                                \
       "               instead of only what is new in it")                      \

@@ -22,11 +22,6 @@
  * with 16 and 6,760 with 24 (7,320 with constants and no network). */
 enum { WIDE_PAYS = 20000 };
 
-/* A memory bank may save more than its networks take from this number of
- * primitives on. With 15,000 primitives it saves a third of what they take
- * (docs/lab/sources.md). */
-enum { BANK_PAYS = 40000 };
-
 /* A hidden layer of F_geo saves more bits of features than its weights take
  * from this number of primitives on (docs/lab/networks.md). */
 enum { DEEP_PAYS = 6000 };
@@ -75,7 +70,6 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
                  : price < 3e-9 ? 48
                                 : 32,
         .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
-        .bank_pays = n_primitives >= BANK_PAYS,
         .deep_pays = n_primitives >= DEEP_PAYS
     };
 }

@@ -35,8 +35,6 @@ typedef struct saga_policy {
                             * primitives of shared anchors, before the
                             * level's limit */
     uint8_t entropy_width; /* hidden units of the entropy networks */
-    bool bank_pays;        /* a memory bank may save more than its
-                            * networks take */
     bool deep_pays;        /* a hidden layer of F_geo may save more than
                             * it takes, where anchors are not shared */
 } saga_policy;

@@ -52,11 +52,12 @@ static void set_sources(saga_model *m, const saga_ablation *a)
         m->tier[i].n_groups = (uint8_t)(a->groups ? a->groups : 8);
 }
 
-static bool has_bank(const saga_ablation *a, const saga_policy *p,
-                     uint32_t most_slots)
+/* A bank never paid in files of up to 100,000 primitives (docs/lab/sources.md),
+ * so there is one only if it is asked for. */
+static bool has_bank(const saga_ablation *a, uint32_t most_slots)
 {
     return !a->no_bank && most_slots >= SAGA_MIN_SLOTS &&
-           (a->slots || a->plain_update || a->paper || p->bank_pays);
+           (a->slots || a->plain_update || a->paper);
 }
 
 /* All kinds read the bank, until rate_choice.h decides which sources pay. Its
@@ -92,7 +93,7 @@ void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
     }
     m->width[SAGA_NET_HYPER] = p->entropy_width;
     m->out_q[SAGA_OUT_HYPER] = m->out_q[SAGA_OUT_SIGMA] = 10;
-    if (has_bank(a, p, most_slots))
+    if (has_bank(a, most_slots))
         set_bank(m, a, most_slots);
 }
 
