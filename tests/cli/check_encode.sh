@@ -43,8 +43,9 @@
 #               stopped
 #   sweep       --sweep makes files with ever more primitives, their results,
 #               and the curve of the results that no other result beats, which
-#               `saga report` reads; a stopped sweep continues to the same
-#               files, but not with other options
+#               `saga report` reads; the largest has the bytes of a training
+#               of its own; a stopped sweep continues to the same files, but
+#               not with other options
 #   usage       wrong values end with status 2 and one line that names them
 #   capture     a damaged picture, an unknown view or frame ends with status 1
 #   output      a missing output folder is reported before training; a full
@@ -642,7 +643,7 @@ assert json.load(open("curve/curve.json")) == hull, [at(r) for r in made]
 ' 2>>bad || complain "sweep: $(cat out)"
 told 2 'curve is not empty; give --resume' cap -o curve "${curve[@]}"
 expect 2 cap -o curve "${curve[@]}" --resume --seed 2
-says 'curve/1.json was made with other options'
+says 'curve/5.json was made with other options'
 told 2 'is not a folder' cap -o whole.saga "${curve[@]}"
 told 2 'give only one' cap -o curve/x "${curve[@]}" --size 20k
 told 2 '--sweep has several' cap -o curve/x "${curve[@]}" --log l.csv
@@ -651,14 +652,18 @@ set -m
 $stoppable "$saga" encode cap -o curve "${curve[@]}" --checkpoint-every 0 \
     >out 2>err </dev/null &
 pid=$!
-while kill -0 $pid 2>/dev/null && [ ! -f curve/2.json ]; do sleep 0.01; done
+while kill -0 $pid 2>/dev/null && [ ! -f curve/4.json ]; do sleep 0.01; done
 kill -INT $pid
 wait $pid
 [ $? = 2 ] || complain "a stopped sweep: $(cat err)"
 set +m
-[ ! -e curve/5.json ] || complain "the sweep was not stopped"
+[ ! -e curve/1.json ] || complain "the sweep was not stopped"
 expect 0 cap -o curve "${curve[@]}" --resume
 [ "$(ls curve)" = "$(ls whole)" ] || complain "resumed: $(ls curve)"
+# The largest file is that of a training of its own.
+expect 0 cap -o x.saga --primitives 104 "${curve[@]:3}"
+cmp -s x.saga whole/5.saga || complain "sweep: another 5.saga than alone"
+rm -f x.saga
 for i in 1 2 3 4 5; do
     cmp -s curve/$i.saga whole/$i.saga || complain "resumed: another $i.saga"
 done

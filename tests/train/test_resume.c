@@ -362,6 +362,35 @@ TEST(peek_should_show_the_training)
     assert_true(psnr[2] > 10 && psnr[3] > psnr[2]);
 }
 
+/* A training with half the primitives begins with those of another one: at 8 of
+ * 40 iterations of the warm-up, with half of a rendering stage that would be
+ * 40 (1 / 0.6 - 1) iterations long. */
+TEST(train_should_begin_with_a_larger_one)
+{
+    const tiny_stop end = { SAGA_TRAIN_PACK, 0, 0, 0 };
+    saga_train_options o = stop_at(tiny_defaults(), end);
+    saga_error error = { "" };
+    saga_train *t;
+    trained half;
+
+    o.above = o.checkpoint;
+    o.checkpoint = NULL;
+    o.shorter = 0.5;
+    o.n_primitives /= 2;
+    t = tiny_begin(&room.capture, &o);
+    assert_int_equal(saga_train_iteration(t), TINY_WARM / 5);
+    assert_int_equal(saga_train_n_iterations(t), TINY_WARM + 13);
+    half = tiny_finish(t);
+    assert_int_equal(half.report.n.prim, plain.report.n.prim / 2);
+    assert_true(psnr_of(half.bytes, half.n) >
+                psnr_of(plain.bytes, plain.n) - 2);
+    free(half.bytes);
+    o.seed = 7;
+    assert_null(saga_train_new(&room.capture, &o, &error));
+    assert_non_null(strstr(error.message, "x.saga.ckpt: was begun with --seed "
+                                          "1, not 7"));
+}
+
 /* --- Refusals ------------------------------------------------------------ */
 
 static bool resume_fails(const saga_train_options *o, const char *says)

@@ -85,27 +85,20 @@ static int judge(const saga_encode_options *o, const char *capture,
     return saga_cli_write_json(judged, 9, result);
 }
 
-/* Makes one file of a sweep; `user` is the sweep's session. The checkpoint is
- * kept until the result is written, so that nothing is trained twice. */
-static int make_of_sweep(void *user, const char *file, const char *result,
-                         double part)
+/* Makes one file of a sweep; `user` is the sweep's session. */
+static int make_of_sweep(void *user, const saga_sweep_file *file)
 {
     const saga_encode_session *const sweep = user;
     saga_encode_options o = *sweep->o;
     saga_encode_session s = *sweep;
     json_t *report = NULL;
-    char *checkpoint;
     int status;
 
-    o.output = file;
+    o.output = file->file;
     s.o = &o;
-    s.plan.part = part;
+    s.plan.of_sweep = file;
     s.progress.started = saga_clock_seconds();
     status = make_film(&s);
-    /* free_session() must not free the name: the file is removed once the
-     * result is written. */
-    checkpoint = s.checkpoint;
-    s.checkpoint = NULL;
     /* The report comes before free_session(), since it reads what
      * free_session() closes. */
     if (!status) {
@@ -119,12 +112,7 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     free_session(&s);
     /* Judging comes after free_session(), because it loads the capture again
      * and two copies of the pictures need not fit into memory. */
-    if (!status)
-        status = judge(&o, s.capture_name, result, report);
-    if (!status)
-        unlink(checkpoint);
-    free(checkpoint);
-    return status;
+    return status ? status : judge(&o, s.capture_name, file->result, report);
 }
 
 static int sweep(saga_encode_session *s)
@@ -192,7 +180,8 @@ static const saga_cli_option option_list[] = {
       saga_cli_real, AT(minutes), 0, 0 },
     { "--sweep", NULL,
       "make five files of different sizes, 1.saga to 5.saga, and\n"
-      "measure them; --primitives then counts for 4.saga",
+      "measure them; --primitives then counts for 4.saga. The\n"
+      "others go on from the largest, in less time",
       saga_cli_flag, AT(sweep), 0, 0 },
     SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
     { "--segment", "FRAMES",

@@ -121,7 +121,7 @@ static saga_train_options train_options(saga_encode_session *s)
     t.n_primitives = (uint32_t)o->primitives;
     /* If lambda is given without a number of primitives, the warm-up chooses
      * the number that suits lambda. Files of a sweep have given numbers. */
-    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->plan.part > 0);
+    t.free_count = o->lambda > 0 && o->primitives == 0 && !s->plan.of_sweep;
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
@@ -137,6 +137,11 @@ static saga_train_options train_options(saga_encode_session *s)
     t.motion = o->still    ? SAGA_TRAIN_STILL
                : o->moving ? SAGA_TRAIN_MOVING
                            : SAGA_TRAIN_MEASURE;
+    /* Of several segments a checkpoint has only the last one's warm-up. */
+    if (s->plan.of_sweep && s->n_segments == 1) {
+        t.above = s->plan.of_sweep->above;
+        t.shorter = s->plan.of_sweep->shorter;
+    }
     t.ablate = o->ablate;
     t.checkpoint = s->checkpoint;
     t.checkpoint_seconds = o->every;
@@ -249,13 +254,13 @@ static int find_stopped(saga_encode_session *s, saga_train_options *t)
 static uint32_t primitives_of(const saga_encode_session *s,
                               const saga_train_options *t)
 {
-    /* s->plan.part is the fraction of the largest file's number. That number is
-     * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
+    /* The largest file's number is SAGA_SWEEP_STEP n, so the fourth of the five
+     * files has n. */
     const double wanted = SAGA_SWEEP_STEP * t->n_primitives;
     const double most = fmin(
         wanted, saga_room_sure(t, (uint32_t)fmin(ceil(wanted), UINT32_MAX)));
 
-    return (uint32_t)fmax(1, rint(s->plan.part * most));
+    return (uint32_t)fmax(1, rint(s->plan.of_sweep->part * most));
 }
 
 /* Chooses what the user left open. Values in a checkpoint are kept. */
@@ -263,10 +268,12 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 {
     saga_plan(t, &s->plan.why, &s->capture, s->plan.preset);
     t->n_teachers = saga_plan_teachers(s->plan.preset, &s->whole);
-    if (s->plan.part > 0 && (s->o->primitives || !resume)) {
+    if (s->plan.of_sweep && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t);
         snprintf(s->plan.why.primitives, sizeof s->plan.why.primitives,
-                 "%u primitives in this file", t->n_primitives);
+                 "%u primitives in this file%s", t->n_primitives,
+                 t->above ? ", which begins with the best of the larger one"
+                          : "");
     }
 }
 

@@ -79,12 +79,14 @@ int saga_encode_stopped(const saga_encode_session *s)
     if (saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "encode: stopped by %s; the "
-                              "same command with --resume continues from %s, "
-                              "and with --resume --finish it writes what there "
-                              "is",
+                              "same command with --resume continues from %s%s",
                               *s->progress.signal == SIGINT ? "Ctrl-C"
                                                             : "a signal",
-                              s->checkpoint);
+                              s->checkpoint,
+                              s->o->sweep || saga_encode_is_part(s->o)
+                                  ? ""
+                                  : ", and with --resume --finish it makes a "
+                                    "file of what there is");
     return saga_cli_error(SAGA_EXIT_USAGE,
                           "encode: stopped, but no "
                           "checkpoint could be written; the training is lost");

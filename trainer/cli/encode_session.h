@@ -14,6 +14,7 @@
 #include "encode_progress.h"
 #include "isa.h"
 #include "output.h"
+#include "sweep.h"
 #include "train.h"
 
 #include <jansson.h>
@@ -22,8 +23,7 @@
 typedef struct saga_encode_plan {
     const saga_preset *preset;
     saga_ablation ablation;
-    double part;   /* primitives in a sweep, as a fraction of the largest
-                    * file's; 0: no sweep */
+    const saga_sweep_file *of_sweep; /* the file of a sweep, or NULL */
     size_t wanted; /* requested size of the file in bytes; 0: none */
     saga_plan_reasons why;
     const char *from; /* what the training continues from, or NULL */

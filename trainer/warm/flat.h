@@ -64,9 +64,10 @@ enum { SAGA_FLAT_AIM_STEPS = 16 };
 int saga_flat_first_prune(const saga_flat *flat);
 void saga_flat_aim(saga_flat *flat, uint32_t n_primitives);
 
-/* Ends the iterations now: keeps at most n_primitives primitives, those that
- * are worth most so far. Returns false with *error set if memory is short. */
-bool saga_flat_cut_short(saga_flat *flat, saga_error *error);
+/* Keeps at most n_primitives primitives, those that are worth most so far, and
+ * leaves the last part `left` of the iterations to do, 0..1, whatever was done
+ * before. Returns false with *error set if memory is short. */
+bool saga_flat_leave(saga_flat *flat, double left, saga_error *error);
 
 /* Returns the primitives, owned by the set and valid until the next iteration.
  * Members are NULL if temporal is off. */

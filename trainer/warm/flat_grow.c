@@ -462,9 +462,9 @@ void saga_flat_aim(saga_flat *f, uint32_t n_primitives)
     f->o.n_primitives = n_primitives;
 }
 
-bool saga_flat_cut_short(saga_flat *f, saga_error *error)
+bool saga_flat_leave(saga_flat *f, double left, saga_error *error)
 {
-    f->iteration = f->o.n_iterations;
+    f->iteration = f->o.n_iterations - (int)(left * f->o.n_iterations);
     return f->n <= f->o.n_primitives || reduce(f, f->o.n_primitives, error);
 }
 

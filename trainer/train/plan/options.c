@@ -120,5 +120,8 @@ void saga_options_derive(saga_train_options *o)
         o->n_warm = (int)fmax(1, SAGA_WARM_PART * o->n_iterations);
         o->n_render = o->n_iterations - o->n_warm;
     }
+    if (o->above)
+        o->n_render = (int)fmax(1, o->shorter * o->n_warm *
+                                       (1 / SAGA_WARM_PART - 1));
     o->n_iterations = o->n_warm + o->n_render;
 }

@@ -58,6 +58,13 @@ typedef struct saga_train_options {
                                 * what this machine does in a segment's share
                                 * of it, which a short trial measures when
                                 * training begins; a checkpoint keeps it */
+    const char *above; /* NULL, or the path of a checkpoint of a training
+                        * of one segment with more primitives, whose
+                        * warm-up has ended: this one begins with those
+                        * that are worth most. Its warm-up is as long,
+                        * and its rendering stage has the part
+                        * `shorter` of the iterations */
+    double shorter;    /* 0..1 */
     const saga_splat_params *given; /* NULL, or n_primitives primitives of a
                                      * still, in the capture's units, that
                                      * replace the warm-up's; then lambda > 0 */

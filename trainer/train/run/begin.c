@@ -100,7 +100,7 @@ bool saga_train_look_at(saga_train *t, const saga_capture *capture,
         return false;
     }
     /* The digest reads every pixel, and only checkpoints need it. */
-    if (t->o.checkpoint)
+    if (t->o.checkpoint || t->o.above)
         t->digest = saga_pictures_digest(&t->pictures);
     saga_train_show_base(t);
     return true;

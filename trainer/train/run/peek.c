@@ -27,7 +27,7 @@ static bool begin_early(saga_train *t, saga_error *error)
     t->ablation.raw_networks = true;
     saga_train_settle_price(t);
     t->policy.lambda *= EARLY_PRICE;
-    return saga_flat_cut_short(t->warm.flat, error) &&
+    return saga_flat_leave(t->warm.flat, 0, error) &&
            saga_train_begin_fit(t, error) &&
            saga_fit_start(t->render.fit, &t->render.target, error);
 }

@@ -100,10 +100,8 @@ bool saga_train_save_networks(saga_train *t, const char *path,
 /* --- Reading -------------------------------------------------------------- */
 
 static bool fits(const saga_train *t, const saga_train_header *h,
-                 saga_error *error)
+                 const char *file, saga_error *error)
 {
-    const char *const file = t->o.checkpoint;
-
     if (!saga_train_header_segments(t, h, file, error))
         return false;
     /* This precedes the comparison of options, because some of them are planned
@@ -270,7 +268,7 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
         c->failed = true;
         return false;
     }
-    return fits(t, &h, error) && skip_pictures(c, error) &&
+    return fits(t, &h, t->o.checkpoint, error) && skip_pictures(c, error) &&
            saga_train_load_state(t, &h, c, error);
 }
 
@@ -282,6 +280,49 @@ bool saga_train_load(saga_train *t, saga_error *error)
     if (!saga_checkpoint_open(&c, t->o.checkpoint, error))
         return false;
     ok = load(t, &c, error);
+    return saga_checkpoint_close(&c, ok, error);
+}
+
+/* The part of the warm-up that is done again with fewer primitives. It begins
+ * before the set has grown, so that it also loses what only more primitives
+ * make good, and gets others in their place (docs/lab/size.md). */
+#define DONE_AGAIN 0.8
+
+static bool load_above(saga_train *t, saga_checkpoint *c, saga_error *error)
+{
+    saga_train_header h;
+
+    saga_train_header_walk(&h, c);
+    if (c->failed || h.turn > 0 || h.stage == SAGA_TRAIN_WARM) {
+        c->failed = true;
+        return false;
+    }
+    if (t->o.minutes > 0) {
+        adopt_iterations(t, &h);
+        saga_options_derive(&t->o);
+    }
+    /* The number of primitives and what follows from it may differ, but nothing
+     * else. */
+    h.primitives = t->o.n_primitives;
+    h.coarse = t->o.n_coarse;
+    h.fine = t->o.n_fine;
+    h.render = (uint64_t)t->o.n_render;
+    if (!fits(t, &h, c->path, error) || !skip_pictures(c, error) ||
+        !saga_train_load_warm(t, c, error))
+        return false;
+    /* The teachers, if there are any, serve again. The fit is not read. */
+    saga_take(&c->rest, saga_left(&c->rest));
+    return saga_flat_leave(t->warm.flat, DONE_AGAIN, error);
+}
+
+bool saga_train_load_above(saga_train *t, saga_error *error)
+{
+    saga_checkpoint c;
+    bool ok;
+
+    if (!saga_checkpoint_open(&c, t->o.above, error))
+        return false;
+    ok = load_above(t, &c, error);
     return saga_checkpoint_close(&c, ok, error);
 }
 

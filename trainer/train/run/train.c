@@ -21,6 +21,9 @@
 
 static bool begin_with_nothing(saga_train *t, saga_error *error)
 {
+    if (t->o.above)
+        return saga_train_find_exposures(t, error) &&
+               saga_train_load_above(t, error);
     return saga_train_find_exposures(t, error) &&
            saga_train_place_teachers(t, error) &&
            (!(t->o.minutes > 0) || saga_train_spend_minutes(t, error)) &&

@@ -215,6 +215,8 @@ void saga_train_show_base(saga_train *t);
 /* save.c */
 bool saga_train_save(saga_train *t, saga_error *error);
 bool saga_train_load(saga_train *t, saga_error *error);
+/* Begins with primitives of the warm-up in the checkpoint o.above. */
+bool saga_train_load_above(saga_train *t, saga_error *error);
 /* Continues after the first segment, from the file o.networks. */
 bool saga_train_load_networks(saga_train *t, saga_error *error);
 
