@@ -6,6 +6,7 @@
 #include "adam.h"
 #include "embedding.h"
 #include "net.h"
+#include "noise.h"
 #include "rng.h"
 #include "testing.h"
 
@@ -266,4 +267,36 @@ TEST(embedding_should_be_precise_in_float)
     }
     printf("  embedding: float error %.1e\n", worst);
     assert_true(worst < 2e-7);
+}
+
+/* Points with one octave are embedded several at a time. Each must be as if it
+ * were embedded alone, coordinate by coordinate. */
+TEST(embedding_should_be_the_same_in_whole_vectors)
+{
+    enum { FEW = 7, STRIDE = 11 };
+    const saga_rng r = saga_rng_stream(5, 2);
+    float u[4 * FEW], y[FEW * STRIDE], one[2];
+
+    for (size_t i = 0; i < 4 * FEW; i++)
+        u[i] = 4 * saga_rng_float(r, i) - 2;
+    saga_embedding_forward(y, STRIDE, u, FEW, 4, 1);
+    for (size_t i = 0; i < 4 * FEW; i++) {
+        saga_embedding_forward(one, 2, u + i, 1, 1, 1);
+        assert_memory_equal(one, y + i / 4 * STRIDE + i % 4 * 2, sizeof one);
+    }
+}
+
+/* Noise is computed in vectors, and must be that of single random numbers. */
+TEST(noise_should_be_that_of_the_stream)
+{
+    enum { N = 1003, FIRST = 5 };
+    const saga_rng r = saga_rng_stream(5, 3);
+    float x[N], y[N];
+
+    for (size_t i = 0; i < N; i++)
+        x[i] = y[i] = saga_rng_float(r, i) - 0.5f;
+    saga_noise_add(y, x, 0.0625, r, (saga_range){ FIRST, N });
+    for (size_t i = FIRST; i < N; i++)
+        x[i] = (float)((double)x[i] + 0.0625 * (saga_rng_double(r, i) - 0.5));
+    assert_memory_equal(x, y, sizeof x);
 }

@@ -1,21 +1,11 @@
 /* SPDX-License-Identifier: MIT
- *
- * Each number is a counter times an odd constant, combined with the key, after
- * two rounds of multiply and xor-shift (Stafford's variant 13 of the 64-bit
- * finaliser, as in SplitMix64).
  */
 #include "rng.h"
 
 #include <math.h>
 
-#define GOLDEN 0x9e3779b97f4a7c15u
-
-static uint64_t mix(uint64_t x)
-{
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
+#define GOLDEN SAGA_RNG_GOLDEN
+#define mix saga_rng_mix
 
 saga_rng saga_rng_stream(uint64_t seed, uint64_t stream)
 {
@@ -24,21 +14,9 @@ saga_rng saga_rng_stream(uint64_t seed, uint64_t stream)
     return (saga_rng){ mix(key ^ mix(stream * GOLDEN + 1)) };
 }
 
-/* The key enters twice, so that the sequences of two keys are not shifted
- * copies. */
-uint64_t saga_rng_bits(saga_rng r, uint64_t counter)
-{
-    return mix(mix(counter * GOLDEN + r.key) ^ r.key);
-}
-
 float saga_rng_float(saga_rng r, uint64_t counter)
 {
     return (float)(saga_rng_bits(r, counter) >> 40) * 0x1p-24f;
-}
-
-double saga_rng_double(saga_rng r, uint64_t counter)
-{
-    return (double)(saga_rng_bits(r, counter) >> 11) * 0x1p-53;
 }
 
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)

@@ -2,6 +2,7 @@
 #include "fit_state.h"
 
 #include "alloc.h"
+#include "noise.h"
 #include "novel.h"
 #include "threads.h"
 
@@ -154,7 +155,6 @@ static void use_features(void *user, size_t part)
     const saga_rng r = saga_rng_stream(
         f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_NOISE);
     const double step = saga_fit_feature_step(f->scene);
-    size_t i;
 
     /* Features are rounded relative to the mu of their anchor's last
      * evaluation. */
@@ -164,9 +164,7 @@ static void use_features(void *user, size_t part)
     }
     /* Uniform noise of one step has the spread of rounding errors and lets
      * gradients through. It depends on i only, not on threads. */
-    for (i = of.begin; i < of.end; i++)
-        f->feature[i] = (real)((double)f->scene->coarse_feature[i] +
-                               step * (saga_rng_double(r, i) - 0.5));
+    saga_noise_add(f->feature, f->scene->coarse_feature, step, r, of);
 }
 
 /* Sets a part of f->position, with noise of one step on the offsets from the
