@@ -128,7 +128,8 @@ F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 
 # Those that compute with vectors are compiled for further levels of x86-64, of
 # which the program chooses one when it starts (trainer/basics/isa.h).
-ISA_SRC := $(shell grep -lE '"(vec|wide|raster_tile).h"' $(TRAINER_SRC))
+ISA_SRC := $(shell grep -lE '"(vec|wide|raster_tile).h"' $(TRAINER_SRC)) \
+           trainer/capture/views/filmed.c
 ISA_LEVELS := $(if $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),3 4)
 ISA_OBJ := $(foreach n,$(ISA_LEVELS),$(patsubst %.c,$(OBJ)/v$(n)/%.o,\
              $(if $(filter double,$(REAL)),\

@@ -314,29 +314,113 @@ TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
     saga_capture_free(&c);
 }
 
-/* A frame has 3 x 32 x 16 bytes, at half scale a quarter of that.
- * saga_capture_look must tell how many such frames fit in half of the memory,
- * whatever the number of threads. */
-TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
+/* --- The scratch file ---------------------------------------------------- */
+
+/* Compares all pictures and masks, read by several threads. The pictures of b
+ * must be as filmed before, if that is said, and RGB after. */
+static void check_equal(const saga_capture *a, const saga_capture *b,
+                        bool as_filmed)
 {
+    const int n = a->n_frames;
+    int n_wrong = 0;
+
+    assert_int_equal(b->n_frames, n);
+    for (int v = 0; v < a->n_views; v++) {
+        assert_null(a->views[v].as_filmed);
+        assert_true((b->views[v].as_filmed != NULL) == as_filmed);
+        assert_true(a->views[v].digest == b->views[v].digest);
+        for (int k = 0; as_filmed && k < n; k++)
+            assert_int_equal(b->views[v].as_filmed[k], 1);
+        assert_int_equal(!a->views[v].mask, !b->views[v].mask);
+    }
+#pragma omp parallel for num_threads(4) reduction(+ : n_wrong)
+    for (int i = 0; i < 2 * n * a->n_views; i++) {
+        const int v = i / 2 / n, k = i / 2 % n;
+        const size_t size = saga_view_frame_nbytes(&a->views[v]);
+        const uint8_t *const mask = saga_capture_mask(a, v, k);
+
+        n_wrong += memcmp(saga_capture_frame(a, v, k),
+                          saga_capture_frame(b, v, k), size) != 0;
+        n_wrong += mask &&
+                   memcmp(mask, saga_capture_mask(b, v, k), size / 3) != 0;
+    }
+    assert_int_equal(n_wrong, 0);
+    for (int k = 0; as_filmed && k < n; k++)
+        assert_int_equal(b->views[0].as_filmed[k], 0);
+}
+
+/* Pictures in a file must be those in memory, for every way in which a video is
+ * read (test_filmed.c compares them with ffmpeg). */
+TEST_IN_FOLDER(scratch_should_hold_what_memory_holds)
+{
+    static const struct {
+        const char *pixels, *more;
+        int scale;
+        bool mask, as_filmed;
+    } given[] = {
+        { "yuv420p", "-colorspace bt709 -color_range tv", 1, false, true },
+        { "yuv420p", "-colorspace smpte170m -color_range pc", 1, false, true },
+        { "yuv420p10le", "", 1, false, true },
+        { "yuv420p", "-colorspace bt2020nc", 2, false, false },
+        { "yuv420p", "", 1, true, false },
+        { "yuv444p", "", 1, false, false },
+    };
+
+    for (size_t i = 0; i < sizeof given / sizeof *given; i++) {
+        FREED_BY(saga_capture_free) saga_capture a, b;
+        saga_capture_options o = saga_capture_defaults();
+
+        folder_run(f,
+                   "rm -rf masks && ffmpeg -nostdin -v error -y -f lavfi -i "
+                   "testsrc2=s=%dx%d:r=10:d=0.6 -pix_fmt %s %s -c:v libx264 "
+                   "a.mp4 && cp a.mp4 b.mp4",
+                   W, H, given[i].pixels, given[i].more);
+        if (given[i].mask)
+            folder_run(f,
+                       "mkdir masks && ffmpeg -nostdin -v error -y -f lavfi -i "
+                       "color=white:s=%dx%d,format=gray,pad=%d:%d "
+                       "-frames:v 1 masks/a.png && cp masks/a.png masks/b.png",
+                       W / 2, H, W, H);
+        write_json(f, "", two, 2);
+        o.first_frame = 1;
+        o.n_threads = 2;
+        o.scale = given[i].scale;
+        a = load_with(f->path, &o);
+        o.scratch = f->path;
+        b = load_with(f->path, &o);
+        assert_null(a.pixels.at);
+        assert_int_equal(b.pixels.nbytes, b.picture_nbytes);
+        check_equal(&a, &b, given[i].as_filmed);
+    }
+}
+
+/* Only a file's pages are beyond the budget: with one, 7 bytes a pixel suffice
+ * for a thread, and pictures that are few stay in memory. */
+TEST_IN_FOLDER(scratch_should_not_count_in_the_budget)
+{
+    const uint64_t nbytes = 12 * 3 * W * H;
     saga_capture_options o = saga_capture_defaults();
-    FREED_BY(saga_capture_free) saga_capture c;
+    saga_capture c;
 
     write_video(f, "a.mp4", 12, 25, "");
     write_json(f, "", two, 1);
-    for (int i = 0; i < 3; i++) {
-        const int frame = 1536 / (i == 2 ? 4 : 1);
-
-        o.n_threads = i == 1 ? 8 : 1;
-        o.scale = i == 2 ? 2 : 1;
-        o.memory_nbytes = 2 * 7 * 1536;
-        assert_done(saga_capture_look(&c, f->path, &o, &error));
-        assert_int_equal(c.n_fitting, 7 * 1536 / frame);
-        o.memory_nbytes--;
-        assert_done(saga_capture_look(&c, f->path, &o, &error));
-        assert_int_equal(c.n_fitting, 7 * 1536 / frame - 1);
-    }
-    o = saga_capture_defaults();
-    assert_done(saga_capture_look(&c, f->path, &o, &error));
-    assert_int_equal(c.n_fitting, SAGA_MAX_FRAMES);
+    o.n_threads = 1;
+    o.memory_nbytes = 7 * W * H;
+    refused_with(f->path, &o, f->path, "--memory");
+    o.scratch = f->path;
+    o.little_nbytes = nbytes - 1;
+    c = load_with(f->path, &o);
+    assert_int_equal(c.pixels.nbytes, nbytes);
+    check_frames(&c, 0, 12);
+    saga_capture_free(&c);
+    o.memory_nbytes--;
+    refused_with(f->path, &o, f->path, "--memory");
+    o.memory_nbytes = 1 << 20;
+    o.little_nbytes = nbytes;
+    c = load_with(f->path, &o);
+    assert_null(c.pixels.at);
+    saga_capture_free(&c);
+    o.little_nbytes = 0;
+    o.scratch = "/no/such/folder";
+    refused_with(f->path, &o, o.scratch, "--scratch");
 }

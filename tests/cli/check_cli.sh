@@ -660,11 +660,17 @@ import json, sys
 one, two = (json.load(open(name))["forecast"][0] for name in sys.argv[1:])
 for f, n in (one, 1), (two, 2):
     if f["n_segments"] != n or abs(
-            f["least_kb"] - 4 - 0.009 * n * f["n_primitives"]) > 1e-6:
+            f["least_kb"] - 4 - 0.009 * n * f["n_primitives"]) > 1e-6 or (
+            f["picture_nbytes"] != 24 * 3 * 32 * 18 * 3) or (
+            f["pictures_in_file"]):
         print("check: the forecast of", n, "segments is", f)
 PYTHON
 expect 0 check "$tmp/long"
 grep -q 'in 2 segments' "$tmp/out" || complain "check: no word of segments"
+grep -q 'GB of disk' "$tmp/out" && complain "check: a file for few pictures"
+expect 0 check "$tmp/long" --scratch "$tmp"
+[ "$(grep -c '  decoded pictures of a segment take 0.0 GB of disk' \
+    "$tmp/out")" = 3 ] || complain "check: no word of the scratch file"
 # Sixteen photographs of 800 x 500 must take longer than the preset fast has
 # time for; at half their size they must not.
 expect 0 synth "$tmp/wide" --size 40x25 --cameras 16 --hold-out 0 --frames 1 \

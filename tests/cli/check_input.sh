@@ -20,7 +20,9 @@
 #               except with --follow-paths. Folders of frames may have any name
 #   output      an output that cannot be written is reported before the
 #               training; if the disk fills up later, the checkpoint remains,
-#               from which --resume makes the complete file
+#               from which --resume makes the complete file, also with the
+#               pictures in a scratch file. That is refused before the training
+#               where it has no room, and never left behind
 #   interrupt   Ctrl-C works while the capture is loaded, and if no checkpoint
 #               can be written
 set -u
@@ -502,6 +504,13 @@ bad_output cap
 bad_output /dev/full
 bad_output /proc/x.saga
 bad_output "$(printf '%0300d' 0).saga"
+run 1 cap -o x.saga --scratch nowhere
+says nowhere 'no scratch file can be made' --scratch
+(ulimit -f 1; "$saga" encode cap -o x.saga --scratch . >out 2>err </dev/null)
+[ $? = 1 ] || complain "full disk, scratch file: $(cat err)"
+grep -q 'no room for a scratch file .*(File too large; .* GB are free); ' err ||
+    complain "full disk, scratch file: $(cat err)"
+[ ! -e x.saga ] || complain "an output without a scratch file"
 long=(--primitives 150 --iterations 1200)
 # stop PID: sends Ctrl-C once the first checkpoint exists.
 stop() {
@@ -533,8 +542,8 @@ tail -n 1 err | grep -q 'd/x.saga: could not be written (File too large); .*free
     complain "full disk, file: $(tail -n 1 err)"
 [ "$(ls d)" = x.saga.ckpt ] || complain "full disk leaves $(ls d)"
 cmp -s was d/x.saga.ckpt || complain "full disk: another checkpoint"
-"$saga" encode cap -o d/x.saga "${long[@]}" --resume >out 2>err </dev/null ||
-    complain "resumed: $(tail -n 1 err)"
+"$saga" encode cap -o d/x.saga "${long[@]}" --resume --scratch d \
+    >out 2>err </dev/null || complain "resumed: $(tail -n 1 err)"
 "$saga" encode cap -o whole.saga "${long[@]}" >out 2>err </dev/null
 cmp -s d/x.saga whole.saga || complain "resumed to another file"
 [ "$(ls d)" = x.saga ] || complain "in the end: $(ls d)"

@@ -321,50 +321,41 @@ TEST(train_should_refuse_at_once_what_a_level_has_no_room_for)
                            "decoder's memory or work than level 2 has"));
 }
 
-/* A rest of half a segment or more must become a segment of its own. A segment
- * must have at least a second, even if less than that is said to fit in
- * memory. */
-TEST(segments_should_take_ten_seconds_if_they_fit)
+/* A rest of half a segment or more must become a segment of its own. */
+TEST(segments_should_take_ten_seconds)
 {
     static const struct {
-        int n_frames, asked, fitting, n;
+        int n_frames, asked, n;
         bool moves;
-    } given[] = { { 1, 0, 9999, 1, false },    { 300, 0, 9999, 1, false },
-                  { 449, 0, 9999, 1, false },  { 450, 0, 9999, 2, false },
-                  { 1000, 0, 9999, 3, false }, { 300, 0, 100, 3, false },
-                  { 300, 0, 7, 10, false },    { 44, 0, 7, 1, false },
-                  { 45, 0, 7, 2, false },      { 1000, 0, 7, 1, true },
-                  { 100, 10, 9999, 10, true }, { 5, 2, 9999, 2, false },
-                  { 3, 2, 9999, 1, false } };
+    } given[] = { { 1, 0, 1, false },    { 300, 0, 1, false },
+                  { 449, 0, 1, false },  { 450, 0, 2, false },
+                  { 1000, 0, 3, false }, { 1000, 0, 1, true },
+                  { 100, 10, 10, true }, { 5, 2, 2, false },
+                  { 3, 2, 1, false } };
 
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames,
                                  .fps = 30,
-                                 .moves = given[i].moves,
-                                 .n_fitting = given[i].fitting };
+                                 .moves = given[i].moves };
 
         assert_int_equal(saga_plan_segments(&c, given[i].asked), given[i].n);
     }
 }
 
 /* At 0.2 frames a second, ten seconds would be two frames. Segments must have
- * 24 frames if they fit in memory. */
-TEST(segments_should_have_24_frames_if_they_fit)
+ * 24 frames. */
+TEST(segments_should_have_24_frames)
 {
     static const struct {
         double fps;
-        int n_frames, fitting, n;
-    } given[] = { { 0.2, 2, 9999, 1 },    { 0.2, 24, 9999, 1 },
-                  { 0.2, 35, 9999, 1 },   { 0.2, 36, 9999, 2 },
-                  { 0.2, 240, 9999, 10 }, { 0.2, 240, 12, 20 },
-                  { 0.2, 240, 1, 120 },   { 1, 240, 9999, 10 },
-                  { 2.4, 240, 9999, 10 }, { 3, 240, 9999, 8 },
-                  { 0.001, 100, 9999, 4 } };
+        int n_frames, n;
+    } given[] = { { 0.2, 2, 1 },    { 0.2, 24, 1 },   { 0.2, 35, 1 },
+                  { 0.2, 36, 2 },   { 0.2, 240, 10 }, { 1, 240, 10 },
+                  { 2.4, 240, 10 }, { 3, 240, 8 },    { 0.001, 100, 4 } };
 
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames,
-                                 .fps = given[i].fps,
-                                 .n_fitting = given[i].fitting };
+                                 .fps = given[i].fps };
 
         assert_int_equal(saga_plan_segments(&c, 0), given[i].n);
     }

@@ -10,7 +10,7 @@
 
 typedef struct saga_capture_choice {
     saga_cli_pair frames; /* frames a to b - 1; b = 0: to the last */
-    const char *hold_out, *late;
+    const char *hold_out, *late, *scratch;
     int scale; /* 1/scale of the size; 0: not given */
     int memory, threads;
     bool alpha_masks, follow_paths;
@@ -77,12 +77,21 @@ typedef struct saga_capture_choice {
           0 },                                                               \
         { "--memory",                                                        \
           "GIB",                                                             \
-          "most memory for loaded pictures, in GiB (default "                \
-          "4)",                                                              \
+          "most memory to use, in GiB (default 4), without the pages "       \
+          "of\nthe scratch file, which the system may drop",                 \
           saga_cli_int,                                                      \
           offsetof(type, member.memory),                                     \
           1,                                                                 \
           1 << 16 },                                                         \
+        { "--scratch",                                                       \
+          "DIR",                                                             \
+          "keep decoded pictures in a file in DIR, which has no name "       \
+          "and\nends with the program. Without this option, only if they "   \
+          "take\nover a quarter of --memory",                                \
+          saga_cli_text,                                                     \
+          offsetof(type, member.scratch),                                    \
+          0,                                                                 \
+          0 },                                                               \
     {                                                                        \
         "--threads", "N",                                                    \
             "number of threads (default: all cores); the "                   \
@@ -90,7 +99,9 @@ typedef struct saga_capture_choice {
             saga_cli_int, offsetof(type, member.threads), 1, 1024            \
     }
 
-/* Returns the options for loading; `progress` is not set. */
+/* Returns the options for loading; `progress` is not set. If no folder is
+ * chosen, the scratch file is in TMPDIR, or in /var/tmp: /tmp is often in
+ * memory. */
 saga_capture_options saga_capture_chosen(const saga_capture_choice *choice);
 
 #endif

@@ -73,7 +73,7 @@ static json_t *refinement_of(const saga_refinement *r)
     return o;
 }
 
-static json_t *forecast_of(const saga_forecast *f)
+static json_t *forecast_of(const saga_forecast *f, double little_nbytes)
 {
     json_t *const o = json_object();
 
@@ -89,6 +89,8 @@ static json_t *forecast_of(const saga_forecast *f)
     saga_put_real(o, "/minutes", ceil(f->minutes));
     saga_put_real(o, "least_kb", f->least_kb);
     saga_put_real(o, "most_kb", f->most_kb);
+    saga_put_real(o, "picture_nbytes", f->picture_nbytes);
+    saga_put_flag(o, "pictures_in_file", f->picture_nbytes > little_nbytes);
     return o;
 }
 
@@ -106,7 +108,7 @@ static json_t *lines_of(const char *notes)
 }
 
 static json_t *report_of(const saga_survey *s, const saga_capture *c,
-                         const char *name)
+                         const char *name, double little_nbytes)
 {
     json_t *const o = saga_cli_json_head("check", name);
     json_t *const views = json_array();
@@ -117,7 +119,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     for (int v = 0; v < c->n_views; v++)
         saga_put_item(views, view_of(s, c, v));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        saga_put_item(forecast, forecast_of(&f));
+        saga_put_item(forecast, forecast_of(&f, little_nbytes));
     saga_put_text(o, "format", c->format);
     saga_put_int(o, "/n_views", c->n_views);
     saga_put_int(o, "n_frames", c->n_frames);
@@ -181,6 +183,9 @@ static const saga_line text[] = {
     { "n_teachers>0", "forecast",
       "    with {n_teachers} teachers: extra "
       "models for views between distant cameras\n" },
+    { "pictures_in_file", "forecast",
+      "    decoded pictures of a segment take {picture_nbytes*1e-9:%.1f} GB of "
+      "disk\n" },
     { "/n_segments>1", NULL,
       "  in {/n_segments} segments, each with these "
       "numbers, which a base may reduce\n" }
@@ -235,8 +240,9 @@ static int check(const char *name, const options *o)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
                                 wrong_poses.message);
     else
-        status = saga_cli_print_report(report_of(&survey, &c, name), &how,
-                                       SAGA_LINES(text));
+        status = saga_cli_print_report(
+            report_of(&survey, &c, name, (double)with.little_nbytes), &how,
+            SAGA_LINES(text));
     saga_survey_free(&survey);
     saga_capture_free(&c);
     return status;

@@ -86,6 +86,8 @@ static void forecast(saga_forecast *f, const saga_capture *c,
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
                      (double)f->n_segments * f->n_iterations, c->n_frames == 1);
+    f->picture_nbytes = (double)c->picture_nbytes / f->n_segments /
+                        (f->scale * f->scale);
     f->least_kb = least / 1000;
     f->most_kb = most / 1000;
 }

@@ -50,6 +50,7 @@ static void free_session(saga_encode_session *s)
     saga_capture_free(&s->capture);
     saga_layout_free(&s->result.layout);
     free(s->checkpoint);
+    free(s->folder);
     free(s->poses.camera);
     free(s->poses.late);
 }
@@ -188,8 +189,8 @@ static const saga_cli_option option_list[] = {
       "approximate length of a segment in frames. Each segment\n"
       "plays without the others, and --primitives and\n"
       "--iterations count for each of them. Default: ten seconds\n"
-      "and at least 24 frames, or what fits in half of --memory;\n"
-      "a capture by one moving camera is one segment",
+      "and at least 24 frames; a capture by one moving camera is\n"
+      "one segment",
       saga_cli_int, AT(segment), 2, SAGA_PLAN_MOST_FRAMES },
     { "--layers", "N",
       "number of layers of each segment. `saga cut --layers` can\n"
@@ -313,10 +314,11 @@ const saga_command saga_command_encode = {
     "      five files of different sizes, and a page with their curve; after\n"
     "      an interruption --resume continues\n"
     "\n"
-    "A long capture is trained in segments of about ten seconds, or of as\n"
-    "many frames as fit in half of --memory. Only the pictures of one segment\n"
-    "are in memory. The first segment that is trained makes the networks,\n"
-    "which all segments share. If enough of the scene stands still through\n"
+    "A long capture is trained in segments of about ten seconds. Only the\n"
+    "pictures of one segment are decoded at a time, and if they take over a\n"
+    "quarter of --memory, they are kept in a scratch file beside FILE.saga.\n"
+    "The first segment that is trained makes the networks, which all segments\n"
+    "share. If enough of the scene stands still through\n"
     "enough segments, that part is stored once, as the base, and the segments\n"
     "are trained on top of it; a message says whether this was done, and why.\n"
     "\n"

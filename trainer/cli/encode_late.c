@@ -14,7 +14,7 @@
 #include <string.h>
 
 /* Most frames that are looked at. What moves within ten seconds suffices. */
-enum { MOST_FRAMES = 300, FEW_FRAMES = 24, NUMBER_NBYTES = 32 };
+enum { MOST_FRAMES = 300, NUMBER_NBYTES = 32 };
 
 /* Appends NAME=FRAMES for each camera that is late. Sets *n_unknown to the
  * number of cameras of which that is unknown. Returns false if memory is
@@ -64,19 +64,15 @@ static void tell(const saga_encode_session *s, const saga_capture *c,
 static int measure(saga_encode_session *s, saga_capture_options *with,
                    const saga_capture *look, const char *unequal)
 {
-    const int shrunk = with->scale * with->scale;
-    const bool full = look->n_fitting >= FEW_FRAMES * shrunk;
-    const int fitting = full ? look->n_fitting / shrunk : look->n_fitting;
-    const int most = fitting < MOST_FRAMES ? fitting : MOST_FRAMES;
-    const int n = most < look->n_frames ? most : look->n_frames;
+    const int n = MOST_FRAMES < look->n_frames ? MOST_FRAMES : look->n_frames;
     saga_capture c = { .n_views = 0 };
     saga_survey survey = { .views = NULL };
     int n_unknown = 0, status = SAGA_EXIT_OK;
     bool ok;
 
-    /* Pictures of full size tell more, if enough of them fit into memory. */
-    with->scale = full ? 1 : with->scale;
-    with->end_frame = look->first_frame + (n > 1 ? n : 1);
+    /* Pictures of full size tell more. */
+    with->scale = 1;
+    with->end_frame = look->first_frame + n;
     ok = saga_capture_load(&c, s->capture_name, with, &s->error) &&
          saga_survey_make(&survey, &c, &s->error) &&
          write_late(s, &c, &survey, &n_unknown);

@@ -37,7 +37,8 @@ static int check_output(saga_encode_session *s)
                               "encode: -o %s is not a file; "
                               "give the name of one",
                               s->o->output);
-    if (!saga_output_open_alone(&s->out, s->o->output, &s->error))
+    s->folder = saga_path_folder(s->o->output, &s->error);
+    if (!s->folder || !saga_output_open_alone(&s->out, s->o->output, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     return SAGA_EXIT_OK;
 }

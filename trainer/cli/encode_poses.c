@@ -12,21 +12,15 @@
 
 #include <string.h>
 
-/* Chooses the options for loading the first frame: at its full size if that
- * fits in half of the memory, otherwise at the size of the training. */
-static bool choose_first(saga_capture_options *to, saga_encode_session *s)
+/* Returns the options for loading the first frame at its full size. */
+static saga_capture_options first_frame(saga_encode_session *s)
 {
-    saga_capture look;
+    saga_capture_options o = saga_encode_capture_options(s);
 
-    *to = saga_encode_capture_options(s);
-    to->first_frame = s->whole.first_frame;
-    to->end_frame = s->whole.first_frame + 1;
-    to->scale = 1;
-    if (!saga_capture_look(&look, s->capture_name, to, &s->error))
-        return false;
-    if (look.n_fitting < 1)
-        to->scale = s->whole.scale;
-    return true;
+    o.first_frame = s->whole.first_frame;
+    o.end_frame = s->whole.first_frame + 1;
+    o.scale = 1;
+    return o;
 }
 
 /* Remembers how the cameras change, whatever the size of their pictures. */
@@ -74,9 +68,8 @@ static bool refine(saga_encode_session *s)
     saga_capture first = { .n_views = 0 };
     saga_survey survey = { .views = NULL };
     const saga_refinement *const found = &survey.calibration.refinement;
-    saga_capture_options from;
-    bool ok = choose_first(&from, s) &&
-              saga_capture_load(&first, s->capture_name, &from, &s->error) &&
+    const saga_capture_options from = first_frame(s);
+    bool ok = saga_capture_load(&first, s->capture_name, &from, &s->error) &&
               saga_survey_make(&survey, &first, &s->error);
 
     saga_meter_end(&s->progress.meter);

@@ -98,6 +98,8 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s)
 {
     saga_capture_options c = saga_capture_chosen(&s->o->capture);
 
+    if (!s->o->capture.scratch)
+        c.scratch = s->folder;
     if (s->scale)
         c.scale = s->scale;
     /* Videos of unequal lengths are cut to the shortest once it is known how

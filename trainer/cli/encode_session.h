@@ -40,6 +40,7 @@ typedef struct saga_encode_session {
     saga_encode_poses poses;
     saga_encode_plan plan;
     char *checkpoint;
+    char *folder;         /* of the output; the scratch file is there, too */
     bool finished;        /* --resume found the finished file */
     saga_capture capture; /* the segment in memory */
     saga_train *train;

@@ -10,6 +10,7 @@
 #include "saga.h"
 #include "threads.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -171,5 +172,8 @@ int main(int argc, char **argv)
     if (!saga_isa_check(&error))
         return saga_cli_error(SAGA_EXIT_USAGE, "%s", error.message);
     saga_cli_catch_signals(saga_cli_end);
+    /* A file that outgrows `ulimit -f` is reported like one that does not fit
+     * on the disk. */
+    signal(SIGXFSZ, SIG_IGN);
     return flushed(run_command(argc, argv));
 }

@@ -38,6 +38,8 @@ static bool begin_view(saga_source_view *to, const saga_source_view *from,
     to->n_missing = 0;
     to->mask = NULL;
     to->depth = NULL;
+    to->as_filmed = NULL;
+    to->digest = 0;
     to->rgb = saga_alloc((size_t)n, nbytes, what, error);
     if (from->mask)
         to->mask = saga_calloc((size_t)n, nbytes / 3, what, error);
@@ -57,6 +59,8 @@ static bool begin_still(saga_still *s, const saga_capture *part, int n_frames,
     c->notes[0] = '\0';
     c->n_views = 0;
     c->points = NULL;
+    c->pixels = (saga_scratch){ NULL, 0, -1 };
+    c->room = NULL;
     c->views = saga_calloc(n, sizeof *c->views, what, error);
     s->seen = saga_calloc(n, sizeof *s->seen, what, error);
     if (part->n_points)

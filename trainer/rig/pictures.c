@@ -174,7 +174,9 @@ static uint64_t digest_view(uint64_t sum, const saga_source_view *v,
         sum = saga_digest(sum, v->missing, (size_t)n_frames);
     if (v->mask)
         sum = saga_digest(sum, v->mask, n_held * saga_view_frame_nbytes(v) / 3);
-    return saga_digest(sum, v->rgb, n_held * saga_view_frame_nbytes(v));
+    return v->digest
+               ? saga_digest(sum, &v->digest, sizeof v->digest)
+               : saga_digest(sum, v->rgb, n_held * saga_view_frame_nbytes(v));
 }
 
 uint64_t saga_pictures_digest(const saga_pictures *p)

@@ -24,8 +24,9 @@ static void write_filter(char *to, size_t n, const saga_video_info *info)
 static bool start_ffmpeg(saga_video *video, saga_error *error)
 {
     const saga_video_info *const info = &video->info;
-    char filter[240], count[16], size[24];
-    write_filter(filter, sizeof filter, info);
+    char filter[240] = "null", count[16], size[24];
+    if (!info->depth)
+        write_filter(filter, sizeof filter, info);
     /* If all frames are wanted, one more is requested, so that a surplus frame
      * is detected. */
     const bool all = video->n_wanted == info->n_frames;
@@ -44,6 +45,9 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
                                 NULL };
     /* "passthrough" keeps ffmpeg from doubling or dropping frames to match the
      * rate. */
+    const char *const form = info->depth   ? info->form
+                             : info->alpha ? "rgba"
+                                           : "rgb24";
     const char *const words[] = { "-nostdin",
                                   "-map",
                                   "0:V:0",
@@ -54,7 +58,7 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
                                   "-vf",
                                   filter,
                                   "-pix_fmt",
-                                  info->alpha ? "rgba" : "rgb24",
+                                  form,
                                   "-f",
                                   "rawvideo",
                                   "-",
@@ -99,6 +103,11 @@ static size_t read_frame(saga_video *video, uint8_t *pixels)
 {
     const size_t n = (size_t)video->info.width * (size_t)video->info.height;
     const size_t each = video->info.opacity ? 4 : 3;
+    if (video->info.depth) {
+        const size_t all = n / 2 * (video->info.depth > 8 ? 6 : 3);
+        const size_t part = saga_child_read(&video->child, pixels, all);
+        return part < all ? part / 6 : n;
+    }
     if (video->info.alpha && !video->info.opacity)
         return read_over_black(video, n, pixels);
     const size_t got = saga_child_read(&video->child, pixels, each * n) / each;

@@ -7,7 +7,8 @@
  * to the scaler explicitly, because ffmpeg would take untagged video as BT.601;
  * rounding is exact, and chroma is interpolated at full resolution. The
  * transfer function is not changed: the values are display-referred, as in a
- * PNG file. Alpha has the rule of picture.h.
+ * PNG file. Alpha has the rule of picture.h. If asked, frames are read as they
+ * are stored, for the same conversion by filmed.h, which takes less time.
  *
  * Frames: every frame that the file presents is read once, in the order of time
  * stamps. Frames that an edit list hides do not count. Interlaced frames are
@@ -34,8 +35,12 @@ typedef struct saga_video_info {
                      * saga_video_info_free frees them */
     bool own_clock; /* stamps begin at an arbitrary number */
     bool interlaced, alpha;
-    bool untagged;   /* the file names no colour matrix */
-    char matrix[16]; /* its name in ffmpeg's scaler */
+    int depth;        /* 8 or 10: frames can be read as they are stored, 4:2:0
+                       * with so many bits (filmed.h); 0: only as RGB. The
+                       * caller sets 0 for RGB */
+    const char *form; /* ffmpeg's name of their pixel format */
+    bool untagged;    /* the file names no colour matrix */
+    char matrix[16];  /* its name in ffmpeg's scaler */
     bool full_range;
     char transfer[24], primaries[24]; /* ffprobe's names; may be empty */
     char decoder[16];                 /* ffmpeg's decoder; empty: its choice */
@@ -63,7 +68,8 @@ typedef struct saga_video {
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error);
-/* Reads the next frame into (height, width, 3) bytes, or 4 with opacity. */
+/* Reads the next frame into (height, width, 3) bytes, or 4 with opacity; or, if
+ * info->depth is set, as it is stored. */
 bool saga_video_next(saga_video *video, uint8_t *pixels, saga_error *error);
 /* Ends ffmpeg. If ok, checks that ffmpeg has no more frames and reported no
  * error; otherwise kills it. Returns false if anything failed. */

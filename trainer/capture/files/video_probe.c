@@ -213,6 +213,11 @@ static bool probe_matrix(saga_video_info *info, const answer *a,
 static bool probe_colour(saga_video_info *info, const answer *a,
                          saga_error *error)
 {
+    /* With a "j", ffmpeg marks full range. */
+    static const struct {
+        const char *name;
+        int depth;
+    } plain[] = { { "yuv420p", 8 }, { "yuvj420p", 8 }, { "yuv420p10le", 10 } };
     char pixels[32];
     field(a->text, "pix_fmt", pixels, sizeof pixels);
     field(a->text, "color_transfer", info->transfer, sizeof info->transfer);
@@ -222,9 +227,16 @@ static bool probe_colour(saga_video_info *info, const answer *a,
      * alpha. */
     info->alpha = strchr(pixels, 'a') && strncmp(pixels, "gray", 4) != 0 &&
                   strncmp(pixels, "bayer", 5) != 0;
+    for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++)
+        if (strcmp(pixels, plain[i].name) == 0 && !info->interlaced &&
+            saga_filmed_fits(info->width, info->height)) {
+            info->depth = plain[i].depth;
+            info->form = plain[i].name;
+        }
     /* VP8 and VP9 keep alpha beside the stream, where only libvpx reads it. */
     if (field_is(a->text, "TAG:alpha_mode", "1")) {
         info->alpha = true;
+        info->depth = 0;
         (void)snprintf(info->decoder, sizeof info->decoder, "%s",
                        field_is(a->text, "codec_name", "vp8") ? "libvpx"
                                                               : "libvpx-vp9");

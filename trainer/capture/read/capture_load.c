@@ -7,6 +7,7 @@
 #include "load_job.h"
 #include "notes.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -84,17 +85,30 @@ static bool mark_missing(const saga_load_job *job, saga_source_view *view,
     return true;
 }
 
-static bool allocate_view(const saga_load_job *job, saga_source_view *view,
+/* Returns count * size bytes for a view's pictures or masks: of the file if
+ * there is one, which has exactly as many bytes as all views take. */
+static uint8_t *take_pixels(saga_load_job *job, size_t count, size_t size,
+                            const saga_source *s)
+{
+    const saga_scratch *const file = &job->capture->pixels;
+    uint8_t *const at = file->at + job->n_taken;
+    if (!file->at)
+        return saga_alloc(count, size, s->name, job->error);
+    job->n_taken += count * size;
+    return at;
+}
+
+static bool allocate_view(saga_load_job *job, saga_source_view *view,
                           const saga_source *s)
 {
     const size_t n_frames = (size_t)job->capture->n_frames;
     const size_t px = (size_t)view->width * (size_t)view->height;
     const size_t n_held = (size_t)saga_view_n_held(view, (int)n_frames);
-    view->rgb = saga_alloc(px * 3, n_held, s->name, job->error);
+    view->rgb = take_pixels(job, n_held, px * 3, s);
     if (!view->rgb)
         return false;
     if (saga_load_has_masks(job, s)) {
-        view->mask = saga_alloc(px, n_held, s->name, job->error);
+        view->mask = take_pixels(job, n_held, px, s);
         if (!view->mask)
             return false;
         memset(view->mask, 1, px * n_held); /* pixels of frames without a mask
@@ -119,7 +133,38 @@ static bool allocate_view(const saga_load_job *job, saga_source_view *view,
     return view->depth != NULL;
 }
 
-static bool make_view(const saga_load_job *job, int v)
+/* Plans how the pictures of a video are kept: as filmed if they are in a file
+ * and no pixel of them is changed. */
+static bool keep_as_filmed(saga_load_job *job, saga_source_view *view,
+                           const saga_source *s)
+{
+    const saga_video_info *const info = &s->info;
+    if (!s->video || s->upright || !saga_lens_is_pinhole(&s->lens) ||
+        job->options->scale > 1 || view->width != s->width ||
+        view->height != s->height ||
+        !saga_filmed_init(&view->filmed, info->depth, info->matrix,
+                          info->full_range) ||
+        view->mask || view->missing || !job->capture->pixels.at)
+        return true;
+    view->as_filmed = saga_calloc((size_t)job->capture->n_frames,
+                                  sizeof *view->as_filmed, s->name, job->error);
+    return view->as_filmed != NULL;
+}
+
+/* Allocates the working memory for pictures that are kept as filmed. */
+static bool make_room(const saga_load_job *job)
+{
+    saga_capture *const c = job->capture;
+    size_t most = 0;
+    for (int v = 0; v < c->n_views; v++)
+        if (c->views[v].as_filmed && saga_view_room(&c->views[v]) > most)
+            most = saga_view_room(&c->views[v]);
+    if (most > 0)
+        c->room = saga_alloc(most, 1, job->listing->path, job->error);
+    return most == 0 || c->room;
+}
+
+static bool make_view(saga_load_job *job, int v)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
@@ -144,7 +189,8 @@ static bool make_view(const saga_load_job *job, int v)
     memcpy(view->name, s->name, sizeof view->name);
     memcpy(view->rotation, s->rotation, sizeof view->rotation);
     memcpy(view->translation, s->translation, sizeof view->translation);
-    return allocate_view(job, view, s) && mark_missing(job, view, s);
+    return allocate_view(job, view, s) && mark_missing(job, view, s) &&
+           keep_as_filmed(job, view, s);
 }
 
 static void note_decisions(const saga_load_job *job)
@@ -192,12 +238,17 @@ static bool fill_capture(saga_load_job *job)
     const saga_listing *const listing = job->listing;
     c->views = saga_calloc((size_t)listing->n_sources, sizeof *c->views,
                            listing->path, job->error);
-    if (!c->views)
+    if (!c->views || (saga_load_uses_scratch(job) &&
+                      !saga_scratch_make(&c->pixels, job->options->scratch,
+                                         c->picture_nbytes, job->error)))
         return false;
     c->n_views = listing->n_sources;
     for (int v = 0; v < c->n_views; v++)
         if (!make_view(job, v))
             return false;
+    assert(job->n_taken == c->pixels.nbytes);
+    if (!make_room(job))
+        return false;
     note_decisions(job);
     /* Poses are checked before pictures are decoded, because that is much
      * cheaper. */
@@ -334,7 +385,7 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
         return false;
     bool ok = plan_remaps(&job);
     if (ok) {
-        capture->n_fitting = saga_load_frames_that_fit(&job);
+        capture->picture_nbytes = saga_load_picture_nbytes(&job);
         count_learned(capture, &job);
     }
     /* Looking at a capture does not check the budget, because it reports how

@@ -16,10 +16,10 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options, saga_error *error);
 
 /* Sets those members of *capture that are known before a picture is decoded:
- * format, frames, frame rate, n_fitting, number and pixels of the training
- * views, and whether the camera moves. It sets no views and allocates nothing
- * that must be freed. It fails like saga_capture_load, except that it does not
- * check the memory budget. */
+ * format, frames, frame rate, bytes of the pictures, number and pixels of the
+ * training views, and whether the camera moves. It sets no views and allocates
+ * nothing that must be freed. It fails like saga_capture_load, except that it
+ * does not check the memory budget. */
 bool saga_capture_look(saga_capture *capture, const char *path,
                        const saga_capture_options *options, saga_error *error);
 

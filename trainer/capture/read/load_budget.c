@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Computes the memory that a capture takes before any picture is decoded.
+ * Computes what memory and disk a capture takes before any picture is decoded.
  */
 #include "load_job.h"
 
@@ -32,23 +32,51 @@ bool saga_load_is_single(const saga_load_job *job, const saga_source *s)
     return !s->video && n < 2 && job->capture->n_frames > 1;
 }
 
-static double picture_nbytes(const saga_load_job *job, int v, double scale)
+static double pixels_of(const saga_load_job *job, int v, double scale)
 {
-    const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
-    const double px = floor(m->full_width / scale) *
-                      floor(m->full_height / scale);
-    /* Pictures take 3 bytes per pixel, and masks one more. */
-    double n = (saga_load_has_masks(job, s) ? 4.0 : 3.0) * px *
-               (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
-    /* Depth takes 4 bytes per pixel, for each frame that has it, even in a view
-     * with a single picture. */
-    for (int k = 0;
-         s->depths && job->options->want_depth && k < job->capture->n_frames;
-         k++)
-        if (s->depths[job->capture->first_frame + k])
-            n += 4.0 * px;
+    return floor(m->full_width / scale) * floor(m->full_height / scale);
+}
+
+/* Returns the bytes of the pictures and masks of all views. */
+static double pictures_nbytes(const saga_load_job *job, double scale)
+{
+    double n = 0.0;
+    for (int v = 0; v < job->listing->n_sources; v++) {
+        const saga_source *const s = &job->listing->sources[v];
+        /* Pictures take 3 bytes per pixel, and masks one more. */
+        n += (saga_load_has_masks(job, s) ? 4.0 : 3.0) *
+             pixels_of(job, v, scale) *
+             (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
+    }
     return n;
+}
+
+/* Depth takes 4 bytes per pixel, for each frame that has it, even in a view
+ * with a single picture. */
+static double depths_nbytes(const saga_load_job *job, double scale)
+{
+    const int first = job->capture->first_frame;
+    double n = 0.0;
+    for (int v = 0; job->options->want_depth && v < job->listing->n_sources;
+         v++) {
+        char **const depths = job->listing->sources[v].depths;
+        for (int k = 0; depths && k < job->capture->n_frames; k++)
+            if (depths[first + k])
+                n += 4.0 * pixels_of(job, v, scale);
+    }
+    return n;
+}
+
+uint64_t saga_load_picture_nbytes(const saga_load_job *job)
+{
+    return (uint64_t)pictures_nbytes(job, job->options->scale);
+}
+
+bool saga_load_uses_scratch(const saga_load_job *job)
+{
+    return job->options->scratch &&
+           saga_load_picture_nbytes(job) > job->options->little_nbytes;
 }
 
 /* Returns how many bytes a pixel reading any of the wanted files takes besides
@@ -87,7 +115,7 @@ static double thread_nbytes(const saga_load_job *job, int v)
     return n + each * s->width * s->height;
 }
 
-static double scratch_nbytes(const saga_load_job *job)
+static double threads_nbytes(const saga_load_job *job)
 {
     double most = 0.0;
     for (int v = 0; v < job->listing->n_sources; v++)
@@ -95,39 +123,27 @@ static double scratch_nbytes(const saga_load_job *job)
     return most * job->n_threads;
 }
 
-static double pictures_nbytes(const saga_load_job *job, double scale)
-{
-    double n = 0.0;
-    for (int v = 0; v < job->listing->n_sources; v++)
-        n += picture_nbytes(job, v, scale);
-    return n;
-}
-
-int saga_load_frames_that_fit(const saga_load_job *job)
-{
-    const double need = pictures_nbytes(job, job->options->scale);
-    const double part = (double)job->options->memory_nbytes / 2.0 / need;
-    return (int)fmin(floor(job->capture->n_frames * part), SAGA_MAX_FRAMES);
-}
-
+/* Returns the memory that is needed, without the file's. */
 static double forecast(const saga_load_job *job, double scale)
 {
-    return scratch_nbytes(job) + pictures_nbytes(job, scale);
+    return threads_nbytes(job) + depths_nbytes(job, scale) +
+           (saga_load_uses_scratch(job) ? 0.0 : pictures_nbytes(job, scale));
 }
 
 static void say_remedy(const saga_load_job *job, double need, char *text,
                        size_t n)
 {
     const double budget = (double)job->options->memory_nbytes;
-    const double frames = need - scratch_nbytes(job);
+    const double frames = need - threads_nbytes(job);
     int scale = job->options->scale;
     /* Find the largest picture size, 1/scale, that fits. */
     while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
         scale++;
     /* fit is the number of frames that fit at the wanted scale, after the
      * threads' memory, which does not depend on the number of frames. */
-    const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
-                               job->capture->n_frames);
+    const int fit = frames > 0.0 ? (int)floor((budget - threads_nbytes(job)) /
+                                              frames * job->capture->n_frames)
+                                 : 0;
     size_t used = (size_t)snprintf(text, n, "use ");
     if (forecast(job, scale) <= budget)
         used += (size_t)snprintf(text + used, n - used, "--scale 1/%d, ",

@@ -14,26 +14,41 @@
 
 /* ----------------------------------------------------------------- progress */
 
-/* Counts a finished item. If items fail, the error of the lowest one is kept.
- * Items start in order, so that is the same error for any number of threads. */
-static void item_done(saga_load_job *job, int item, bool ok,
-                      const saga_error *error)
+/* Keeps the error of a failed item. If several fail, that of the lowest one is
+ * kept. Items start in order, so that is the same error for any number of
+ * threads. */
+static void item_failed(saga_load_job *job, int item, const saga_error *error)
 {
 #pragma omp critical(saga_load)
+    if (item < job->first_failed) {
+        job->first_failed = item;
+        *job->error = *error;
+    }
+}
+
+/* Counts a picture. */
+static void picture_done(saga_load_job *job)
+{
+    const saga_capture_options *const o = job->options;
+#pragma omp critical(saga_load)
     {
-        if (!ok && item < job->first_failed) {
-            job->first_failed = item;
-            *job->error = *error;
-        }
         job->n_done++;
-        const saga_capture_options *const o = job->options;
         if (job->first_failed == INT32_MAX && o->progress &&
-            !o->progress(o->progress_user, (double)job->n_done / job->n_items,
-                         "loading")) {
+            !o->progress(o->progress_user,
+                         (double)job->n_done / job->n_pictures, "loading")) {
             job->first_failed = -1;
             saga_fail(job->error, job->listing->path, NULL, "cancelled");
         }
     }
+}
+
+/* Ends an item that is a picture. */
+static void item_done(saga_load_job *job, int item, bool ok,
+                      const saga_error *error)
+{
+    if (!ok)
+        item_failed(job, item, error);
+    picture_done(job);
 }
 
 /* Tells whether an item is skipped, which is so only for items after a failed
@@ -93,9 +108,11 @@ static void split_opacity(uint8_t *pixels, size_t n, uint8_t *mask)
 }
 
 /* A picture as it is read: RGB, or RGBA with room for the mask that its opacity
- * is. */
+ * is. For a video in 4:2:0 there is also its picture as filmed. */
 typedef struct canvas {
     uint8_t *pixels, *mask; /* no mask: NULL */
+    uint8_t *filmed, *room; /* room: to convert it; not 4:2:0: NULL */
+    saga_filmed how;
 } canvas;
 
 static bool make_canvas(canvas *c, const saga_load_job *job,
@@ -104,15 +121,32 @@ static bool make_canvas(canvas *c, const saga_load_job *job,
 {
     const bool opacity = saga_load_has_opacity(job, s);
     const size_t n = (size_t)s->width * (size_t)s->height;
-    c->pixels = saga_alloc(n, opacity ? 4 : 3, path, error);
-    c->mask = opacity ? saga_alloc(n, 3, path, error) : NULL;
+    *c = (canvas){ .pixels = saga_alloc(n, opacity ? 4 : 3, path, error) };
+    if (opacity)
+        c->mask = saga_alloc(n, 3, path, error);
     return c->pixels && (c->mask || !opacity);
+}
+
+/* Adds what a video in 4:2:0 needs, whose frames are read as they are
+ * stored. */
+static bool add_filmed(canvas *c, const saga_source *s, saga_error *error)
+{
+    const saga_video_info *const info = &s->info;
+    if (s->upright ||
+        !saga_filmed_init(&c->how, info->depth, info->matrix, info->full_range))
+        return true;
+    c->filmed = saga_alloc(saga_filmed_nbytes(&c->how, s->width, s->height), 1,
+                           s->video, error);
+    c->room = saga_alloc(saga_filmed_room(s->width), 1, s->video, error);
+    return c->filmed && c->room;
 }
 
 static void free_canvas(canvas *c)
 {
     free(c->pixels);
     free(c->mask);
+    free(c->filmed);
+    free(c->room);
 }
 
 /* Fills a view's picture, and its mask if there is opacity; a mask of its own
@@ -125,9 +159,35 @@ static bool fill_picture(const saga_load_job *job, int v, int k,
     if (from->mask)
         split_opacity(from->pixels, (size_t)s->width * (size_t)s->height,
                       from->mask);
-    saga_remap_rgb(remap, from->pixels, frame_to_fill(job, v, k));
+    if (job->capture->pixels.at && !remap->taps && remap->scale == 1)
+        saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
+                          from->pixels,
+                          saga_view_frame_nbytes(&job->capture->views[v]));
+    else
+        saga_remap_rgb(remap, from->pixels, frame_to_fill(job, v, k));
     return !from->mask || mask_file(job, v, k) ||
            fill_mask(job, v, k, remap, from->mask, error);
+}
+
+/* Adds n bytes to a digest, in four parts at a time, since a digest of single
+ * bytes would take as long as decoding. */
+static uint64_t add_digest(uint64_t sum, const uint8_t *bytes, size_t n)
+{
+    enum { LANES = 4, WORD = 8 };
+    const uint64_t factor = 0x9e3779b97f4a7c15u;
+    uint64_t lane[LANES] = { sum, 1, 2, 3 }, word;
+    size_t i = 0;
+    for (; i + LANES * WORD <= n; i += LANES * WORD)
+        for (size_t k = 0; k < LANES; k++) {
+            memcpy(&word, bytes + i + k * WORD, WORD);
+            lane[k] = (lane[k] ^ word) * factor;
+            lane[k] ^= lane[k] >> 29;
+        }
+    for (; i < n; i++)
+        lane[0] = (lane[0] ^ bytes[i]) * factor;
+    for (size_t k = 1; k < LANES; k++)
+        lane[0] = ((lane[0] ^ lane[0] >> 32) + lane[k]) * factor;
+    return lane[0] ? lane[0] : 1;
 }
 
 /* Returns the number of the video's frames up to the last that is used. */
@@ -138,6 +198,27 @@ static int n_decoded(const saga_load_job *job, const saga_source *s)
         if (saga_source_frame(s, first + k) >= 0)
             return saga_source_frame(s, first + k) + 1;
     return 0;
+}
+
+/* Reads the next frame of a video, which is picture k of view v. */
+static bool read_frame(saga_load_job *job, int v, int k, const canvas *at,
+                       saga_video *video, saga_error *error)
+{
+    saga_source_view *const view = &job->capture->views[v];
+    const int size[2] = { video->info.width, video->info.height };
+    const size_t n = saga_filmed_nbytes(&at->how, size[0], size[1]);
+    if (!saga_video_next(video, at->filmed ? at->filmed : at->pixels, error))
+        return false;
+    if (view->filmed.depth)
+        view->digest = add_digest(view->digest, at->filmed, n);
+    if (view->as_filmed) {
+        saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
+                          at->filmed, n);
+        atomic_store(view->as_filmed + k, 1);
+    } else if (at->filmed) {
+        saga_filmed_develop(at->pixels, at->filmed, &at->how, size, at->room);
+    }
+    return true;
 }
 
 static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
@@ -152,6 +233,7 @@ static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
     info.height = s->height;
     info.upright = s->upright;
     info.opacity = at->mask != NULL;
+    info.depth = at->how.depth;
     if (end == 0)
         return true;
     if (!saga_video_open(&video, s->video, &info, end, error))
@@ -160,11 +242,17 @@ static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
     /* Videos are decoded from their start; frames that belong to no wanted
      * moment are dropped. */
     for (int j = 0, k = 0; ok && j < end; j++) {
-        ok = saga_video_next(&video, at->pixels, error);
         while (k < n && saga_source_frame(s, first + k) < j)
             k++;
+        if (k == n || saga_source_frame(s, first + k) != j)
+            ok = saga_video_next(&video, at->filmed ? at->filmed : at->pixels,
+                                 error);
+        else
+            ok = read_frame(job, v, k, at, &video, error) &&
+                 (job->capture->views[v].as_filmed ||
+                  fill_picture(job, v, k, remap, at, error));
         if (ok && k < n && saga_source_frame(s, first + k) == j)
-            ok = fill_picture(job, v, k, remap, at, error);
+            picture_done(job);
         /* A cancelled load must not wait for the end of long videos. */
         if (item_skipped(job, v))
             ok = saga_fail(error, s->video, NULL, "stopped");
@@ -177,13 +265,15 @@ static void load_video(saga_load_job *job, int v)
     const saga_source *const s = &job->listing->sources[v];
     saga_error error = { "" };
     saga_remap remap = job->remaps[v];
-    canvas at = { NULL, NULL };
+    canvas at = { .pixels = NULL };
     bool ok = make_canvas(&at, job, s, s->video, &error) &&
+              add_filmed(&at, s, &error) &&
               saga_remap_build(&remap, &s->lens, s->video, &error);
     ok = ok && read_video(job, v, &remap, &at, &error);
     saga_remap_free(&remap);
     free_canvas(&at);
-    item_done(job, v, ok, &error);
+    if (!ok)
+        item_failed(job, v, &error);
 }
 
 static bool read_picture(const saga_load_job *job, int v, int k,
@@ -401,7 +491,7 @@ bool saga_load_pictures(saga_load_job *job)
 {
     const int n_views = job->listing->n_sources;
     const bool videos = job->listing->sources[0].video != NULL;
-    job->n_items = videos ? n_views : n_views * job->capture->n_frames;
+    job->n_pictures = n_views * job->capture->n_frames;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
     /* Threads share out the cameras if these are videos. If they are stills,
      * the threads share out the pictures of one camera after the other. */
@@ -418,7 +508,6 @@ bool saga_load_pictures(saga_load_job *job)
         fill_missing(job, v);
     /* Masks come next, then depth; progress begins at 0 for each. */
     job->n_done = 0;
-    job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)
         if (job->listing->sources[v].masks && job->capture->views[v].mask)
             load_view(job, v, MASKS);

@@ -12,12 +12,34 @@ void saga_capture_free(saga_capture *capture)
             free(view->depth[k]);
         free(view->depth);
         free(view->missing);
-        free(view->mask);
-        free(view->rgb);
+        free((void *)view->as_filmed);
+        if (!capture->pixels.at) {
+            free(view->mask);
+            free(view->rgb);
+        }
     }
+    saga_scratch_free(&capture->pixels);
+    free(capture->room);
     free(capture->views);
     free(capture->points);
     *capture = (saga_capture){ 0 };
+}
+
+void saga_capture_develop(const saga_capture *capture, int view, int frame)
+{
+    const saga_source_view *const v = &capture->views[view];
+    const size_t n = saga_view_frame_nbytes(v);
+    uint8_t *const at = v->rgb + n * (size_t)frame;
+    uint8_t *const rgb = capture->room + saga_filmed_room(v->width);
+    const int size[2] = { v->width, v->height };
+    /* A picture is converted once, in a few milliseconds, so that one working
+     * memory for all threads suffices. */
+#pragma omp critical(saga_develop)
+    if (atomic_load(v->as_filmed + frame)) {
+        saga_filmed_develop(rgb, at, &v->filmed, size, capture->room);
+        saga_scratch_copy(&capture->pixels, at, rgb, n);
+        atomic_store_explicit(v->as_filmed + frame, 0, memory_order_release);
+    }
 }
 
 double saga_capture_forgive(const saga_capture *capture, int view, int frame,

@@ -17,16 +17,25 @@
  * camera becomes as many views as it has pictures. Frame k of every view was
  * taken at the same moment, except for fractions of a frame (`late`).
  *
- * Memory: all frames stay in memory. Loaders compute how much this takes before
- * any picture is decoded, and refuse a capture that exceeds the budget. There
- * are no other caches and no global state, and any number of threads may read a
- * loaded capture. The loaded bytes do not depend on the number of threads.
+ * Memory: all pictures are decoded once. They stay in memory if they are few,
+ * and are otherwise kept in a file that is mapped (scratch.h), so that a
+ * capture may be larger than the machine's memory. Loaders compute what this
+ * takes before any picture is decoded, and refuse a capture that exceeds the
+ * budget or the disk. There are no other caches and no global state, and any
+ * number of threads may read a loaded capture. The loaded bytes do not depend
+ * on the number of threads, nor on where they are kept.
+ *
+ * Videos in 4:2:0 are kept as filmed in such a file, half as many bytes, and
+ * each picture is converted in its place when it is first needed.
  */
 #ifndef SAGA_CAPTURE_H
 #define SAGA_CAPTURE_H
 
 #include "error.h"
+#include "filmed.h"
+#include "scratch.h"
 
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -58,7 +67,11 @@ typedef struct saga_capture_options {
                              * NULL: none */
     bool any_length;        /* cut videos of unequal lengths to the shortest
                              * even if `late` is NULL */
-    uint64_t memory_nbytes; /* budget for pictures and depth */
+    uint64_t memory_nbytes; /* budget for memory, without what is mapped */
+    const char *scratch;    /* folder of a file for the pictures; NULL: they
+                             * stay in memory */
+    uint64_t little_nbytes; /* pictures of at most so many bytes stay in memory
+                             * even if there is such a folder */
     int n_threads;          /* 0: OpenMP's default */
     double fps;             /* frame rate if the capture has none; 0: 30 */
     double metres;          /* metres per unit of length; 0: from the capture */
@@ -92,13 +105,20 @@ typedef struct saga_source_view {
     double reprojection_median, reprojection_p90; /* errors of these points in
                                                    * pixels of the source */
 
-    bool single;   /* has a picture for at most one of several
-                    * frames: rgb and mask hold it once, for all
-                    * frames */
-    uint8_t *rgb;  /* (n_frames, height, width, 3) */
-    bool *missing; /* (n_frames) true: the frame has no picture, and
-                    * rgb is that of the nearest frame that has one;
-                    * NULL: none is missing */
+    bool single;             /* has a picture for at most one of several
+                              * frames: rgb and mask hold it once, for all
+                              * frames */
+    uint8_t *rgb;            /* (n_frames, height, width, 3); to be read through
+                              * saga_capture_frame */
+    saga_filmed filmed;      /* how the video holds its pictures; depth 0: not
+                              * as filmed.h has it, or not at this size */
+    atomic_uchar *as_filmed; /* (n_frames) 1: the frame's place in rgb has the
+                              * picture as filmed, until it is first needed;
+                              * NULL: all are RGB */
+    uint64_t digest;         /* of what was filmed; 0: unknown */
+    bool *missing;           /* (n_frames) true: the frame has no picture, and
+                              * rgb is that of the nearest frame that has one;
+                              * NULL: none is missing */
     int n_missing;
     uint8_t *mask; /* (n_frames, height, width): 1 if a pixel counts;
                     * 0 if not, and then rgb is from the nearest
@@ -126,18 +146,21 @@ typedef struct saga_capture {
     int n_views, n_frames;
     bool moves; /* one camera moves, and each view is one of its pictures */
     saga_pose_convention poses;
-    int first_frame;       /* frame of the source that is frame 0 here */
-    int n_learned;         /* number of training views, */
-    double learned_pixels; /* the sum of their pixels in one frame, */
-    double largest_pixels; /* and the pixels of the largest of them */
-    int n_fitting;         /* number of frames whose pictures take half the
-                            * memory budget */
+    int first_frame;         /* frame of the source that is frame 0 here */
+    int n_learned;           /* number of training views, */
+    double learned_pixels;   /* the sum of their pixels in one frame, */
+    double largest_pixels;   /* and the pixels of the largest of them */
+    uint64_t picture_nbytes; /* of all pictures and masks */
     double fps;
     double metres; /* metres per unit of length; 0: unknown */
     int scale;
     saga_source_view *views; /* (n_views) */
     saga_point *points;      /* (n_points), NULL if none */
     size_t n_points;
+    saga_scratch pixels; /* holds rgb and mask of all views; empty: each is
+                          * allocated on its own */
+    uint8_t *room;       /* working memory to convert a picture that is still
+                          * as filmed; NULL: none is */
     char notes[SAGA_NOTES_NBYTES]; /* lines about decisions of the loader */
 } saga_capture;
 
@@ -175,12 +198,24 @@ static inline double saga_capture_seconds(const saga_capture *capture)
     return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
 
+/* Converts a picture to RGB if it is still as filmed. */
+void saga_capture_develop(const saga_capture *capture, int view, int frame);
+
+/* Returns the bytes of the working memory `room` for pictures of a view. */
+static inline size_t saga_view_room(const saga_source_view *view)
+{
+    return saga_filmed_room(view->width) + saga_view_frame_nbytes(view);
+}
+
 /* Returns the rows of one picture; view and frame must be within the capture's
  * counts. */
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                                                 int view, int frame)
 {
     const saga_source_view *const v = &capture->views[view];
+    if (v->as_filmed &&
+        atomic_load_explicit(v->as_filmed + frame, memory_order_acquire))
+        saga_capture_develop(capture, view, frame);
     return v->rgb + saga_view_frame_nbytes(v) * (size_t)(v->single ? 0 : frame);
 }
 

@@ -67,9 +67,8 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * must read a whole segment. */
 #define MOST_SECONDS 10
 
-/* A segment has at least this number of frames, if they fit in memory. At low
- * frame rates, such as a picture every few seconds, ten seconds would be next
- * to nothing. */
+/* A segment has at least this number of frames. At low frame rates, such as a
+ * picture every few seconds, ten seconds would be next to nothing. */
 #define LEAST_FRAMES 24
 
 /* Of a still, only this number of views counts for the number of primitives,
@@ -117,16 +116,10 @@ int saga_plan_segments(const saga_capture *capture, int frames)
      * would lack views, so there is only one. */
     if (!frames && capture->moves)
         frames = all;
-    if (!frames) {
-        /* A segment has ten seconds, or 24 frames where that is more, as far as
-         * they fit in half of the memory; but at least a second, even if that
-         * does not fit. */
-        const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
-        const double longest = fmin(wanted, capture->n_fitting);
-
-        frames = (int)fmax(
-            2, fmin(rint(fmax(longest, capture->fps)), SAGA_PLAN_MOST_FRAMES));
-    }
+    if (!frames)
+        frames = (int)fmin(
+            rint(fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES)),
+            SAGA_PLAN_MOST_FRAMES);
     /* The number is rounded, so that segments of equal length come close to
      * `frames`, and limited, so that none has fewer than two. */
     n = (all + frames / 2) / frames;

@@ -47,10 +47,9 @@ typedef struct saga_plan_reasons {
 enum { SAGA_PLAN_MOST_FRAMES = 65535 };
 
 /* Returns the number of segments in which a capture is trained. Only the number
- * of its frames, its frame rate, n_fitting and `moves` are read. A segment has
- * about `frames` frames; where that is 0, ten seconds or at least 24 frames of
- * them, as far as they fit in memory, but never less than a second. A camera
- * that moves has one segment. */
+ * of its frames, its frame rate and `moves` are read. A segment has about
+ * `frames` frames; where that is 0, ten seconds, but at least 24 frames. A
+ * camera that moves has one segment. */
 int saga_plan_segments(const saga_capture *capture, int frames);
 
 /* Returns N if the pictures of a still should be trained at 1/N of their size.
