@@ -182,7 +182,7 @@ static const saga_cli_option option_list[] = {
     { "--sweep", NULL,
       "make five files of different sizes, 1.saga to 5.saga, and\n"
       "measure them; --primitives then counts for 4.saga. The\n"
-      "others go on from the largest, in less time",
+      "smaller ones go on from the larger ones",
       saga_cli_flag, AT(sweep), 0, 0 },
     SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
     { "--segment", "FRAMES",
