@@ -419,7 +419,8 @@ static void fit_should_begin_near_the_warm_up(void **state)
 }
 
 /* Makes a file from the checkpoint of a training that is not finished. It must
- * have n segments: those that are finished, and the one in the rendering stage.
+ * have n segments: those that are finished, and the one in the rendering stage
+ * or, if it is the first, in the warm-up.
  * If there are none, because the base is still in training, there must be an
  * error that says so. At the end the file must be the final one. */
 static void peek_should_show(const fixture *f, int n_segments, bool end)
@@ -485,7 +486,7 @@ static void train_should_resume_to_the_same_file(void **state)
           { -1, SAGA_TRAIN_WARM, 0 } }
     };
     static const int shown[2][N_PLACES - 1] = { { 1, 1, 2, 2, 3 },
-                                                { 1, 0, 0, 0, 2 } };
+                                                { 1, 0, 0, 1, 2 } };
     const fixture *const f = *state;
     const stop *const places = all[f->has_base];
     saga_train_options o = small(f);
