@@ -255,7 +255,7 @@ for ((i = 0; i < 20; i++)); do
     # Two pending signals of the same number are delivered as one, so that the
     # second is sent only after the first was handled.
     while grep -q '^ShdPnd:.*2$' /proc/$pid/status 2>/dev/null; do :; done
-    kill -INT $pid
+    kill -INT $pid 2>/dev/null
     wait $pid 2>/dev/null
     rc=$?
     rm -f s.saga.ckpt s.csv

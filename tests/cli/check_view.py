@@ -13,9 +13,9 @@
               client gets the complete file
   port 80     it accepts a Host without a port (skipped, with a message, if the
               port is not available)
-  checkpoint  for the checkpoint of a stopped training it serves the file that
-              the training would write now, without changing the training;
-              during the warm-up it prints that there is no file yet
+  checkpoint  for the checkpoint of a stopped training, from the warm-up on, it
+              serves the file that the training would write now, without
+              changing the training
   large       for a camera of 16,384 x 16,384 pixels it neither draws nor
               keeps a picture of that size
   command     the address is printed on stdout; Ctrl-C ends with status 0; a
@@ -283,15 +283,7 @@ def error_of(tmp, name):
             sum((mean - y) ** 2 for y in want) / len(want))
 
 
-def check_checkpoint(tmp):
-    subprocess.run([SAGA, "synth", tmp + "/cap", "--size", "64x36",
-                    "--cameras", "4", "--hold-out", "1", "--frames", "4",
-                    "--points", "300", "--depth-every", "0"], check=True,
-                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    checkpoint = tmp + "/x.saga.ckpt"
-    encode(tmp, 10)
-    refused([checkpoint], 1, "the training is in the warm-up")
-    encode(tmp, 2500, "--resume")
+def check_shown(tmp, checkpoint):
     before = read(checkpoint)
     view = View(checkpoint)
     if not view.port:
@@ -311,6 +303,18 @@ def check_checkpoint(tmp):
             complain("camera", p["camera"], "has another picture")
     if len(told) != 4 or read(checkpoint) != before:
         complain("the page carries", told, "or the checkpoint has changed")
+
+
+def check_checkpoint(tmp):
+    subprocess.run([SAGA, "synth", tmp + "/cap", "--size", "64x36",
+                    "--cameras", "4", "--hold-out", "1", "--frames", "4",
+                    "--points", "300", "--depth-every", "0"], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = tmp + "/x.saga.ckpt"
+    encode(tmp, 10) # the warm-up has begun
+    check_shown(tmp, checkpoint)
+    encode(tmp, 2500, "--resume")
+    check_shown(tmp, checkpoint)
     encode(tmp, 0, "--resume")
     now, flat = error_of(tmp, tmp + "/now.saga")
     if not 0 < now < flat / 4:
