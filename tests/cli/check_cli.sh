@@ -65,13 +65,13 @@ for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
         "$tmp/out" >>"$tmp/bad"
 done
 grep -q . "$tmp/help" || complain "--help lists no command"
-# The help of encode has the 21 options that people use, and with --all each.
+# The help of encode has the 22 options that people use, and with --all each.
 expect 0 help encode
-[ "$(grep -c '^  -' "$tmp/out")" = 21 ] &&
+[ "$(grep -c '^  -' "$tmp/out")" = 22 ] &&
     tail -n 1 "$tmp/out" | grep -q '^`saga help encode --all` lists 17 more' &&
     ! grep -q '^  --ablate' "$tmp/out" || complain "help encode: $(cat "$tmp/out")"
 expect 0 help encode --all
-[ "$(grep -c '^  -' "$tmp/out")" = 38 ] && grep -q '^  --ablate' "$tmp/out" ||
+[ "$(grep -c '^  -' "$tmp/out")" = 39 ] && grep -q '^  --ablate' "$tmp/out" ||
     complain "help encode --all: $(cat "$tmp/out")"
 # The README's table of layouts must have what the help has from the loaders.
 "$saga" help check | awk '
@@ -671,7 +671,7 @@ grep -q 'GB of disk' "$tmp/out" && complain "check: a file for few pictures"
 expect 0 check "$tmp/long" --scratch "$tmp"
 [ "$(grep -c '  decoded pictures of a segment take 0.0 GB of disk' \
     "$tmp/out")" = 3 ] || complain "check: no word of the scratch file"
-# Sixteen photographs of 800 x 500 must take longer than the preset fast has
+# Sixteen photographs of 1200 x 750 must take longer than the preset fast has
 # time for; at half their size they must not.
 expect 0 synth "$tmp/wide" --size 40x25 --cameras 16 --hold-out 0 --frames 1 \
     --samples 1 --depth-every 0 --points 100
@@ -682,16 +682,16 @@ def chunk(kind, data):
     return (struct.pack(">I", len(data)) + kind + data +
             struct.pack(">I", zlib.crc32(kind + data)))
 
-row = b"\0" + bytes(range(200)) * 12
+row = b"\0" + bytes(range(200)) * 18
 png = (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(
-    ">IIBBBBB", 800, 500, 8, 2, 0, 0, 0)) +
-    chunk(b"IDAT", zlib.compress(row * 500, 1)) + chunk(b"IEND", b""))
+    ">IIBBBBB", 1200, 750, 8, 2, 0, 0, 0)) +
+    chunk(b"IDAT", zlib.compress(row * 750, 1)) + chunk(b"IEND", b""))
 for name in glob.glob(sys.argv[1] + "/images/*/*.png"):
     open(name, "wb").write(png)
 name = sys.argv[1] + "/transforms.json"
 j = json.load(open(name))
 for key in "w", "h", "fl_x", "fl_y", "cx", "cy":
-    j[key] *= 20
+    j[key] *= 30
 json.dump(j, open(name, "w"))
 PYTHON
 expect 0 check "$tmp/wide"

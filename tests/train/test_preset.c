@@ -303,7 +303,7 @@ TEST(plan_should_not_ask_for_more_than_a_level_has_room_for)
 
         saga_plan(&o, &why, &room.capture, saga_preset_at(0));
         bytes = of[i].each * o.n_primitives;
-        assert_true(bytes < 33554432 - 40000 && bytes > 33554432 - 200000);
+        assert_true(bytes < 33554432 - 10000 && bytes > 33554432 - 200000);
         assert_non_null(strstr(why.primitives, "level 2 has room for no more"));
         assert_true(why.wanted > 200000);
     }

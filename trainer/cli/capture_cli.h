@@ -77,17 +77,17 @@ typedef struct saga_capture_choice {
           0 },                                                               \
         { "--memory",                                                        \
           "GIB",                                                             \
-          "most memory to use, in GiB (default 4), without the pages "       \
-          "of\nthe scratch file, which the system may drop",                 \
+          "most memory to use, in GiB (default 4), without the\n"            \
+          "pages of the scratch file, which the system may drop",            \
           saga_cli_int,                                                      \
           offsetof(type, member.memory),                                     \
           1,                                                                 \
           1 << 16 },                                                         \
         { "--scratch",                                                       \
           "DIR",                                                             \
-          "keep decoded pictures in a file in DIR, which has no name "       \
-          "and\nends with the program. Without this option, only if they "   \
-          "take\nover a quarter of --memory",                                \
+          "keep decoded pictures in a file in DIR, which has no\n"           \
+          "name and ends with the program. Without this option,\n"           \
+          "only if they take over a quarter of --memory",                    \
           saga_cli_text,                                                     \
           offsetof(type, member.scratch),                                    \
           0,                                                                 \

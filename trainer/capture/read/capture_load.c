@@ -91,11 +91,11 @@ static uint8_t *take_pixels(saga_load_job *job, size_t count, size_t size,
                             const saga_source *s)
 {
     const saga_scratch *const file = &job->capture->pixels;
-    uint8_t *const at = file->at + job->n_taken;
+
     if (!file->at)
         return saga_alloc(count, size, s->name, job->error);
     job->n_taken += count * size;
-    return at;
+    return file->at + job->n_taken - count * size;
 }
 
 static bool allocate_view(saga_load_job *job, saga_source_view *view,
