@@ -40,7 +40,7 @@ static void compare(folder *f, const format *t, uint64_t seed)
 
     assert_true(saga_filmed_init(&filmed, t->depth, t->matrix, t->full));
     assert_true(saga_filmed_fits(t->width, t->height));
-    raw.n = saga_filmed_nbytes(&filmed, t->width, t->height);
+    raw.n = saga_filmed_nbytes(filmed.depth, t->width, t->height);
     raw.data = must(malloc(raw.n));
     make_noise(raw.data, raw.n, t->depth, seed);
     saga_filmed_develop(own, raw.data, &filmed, size, room);

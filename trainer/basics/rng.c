@@ -1,17 +1,14 @@
-/* SPDX-License-Identifier: MIT
- */
+/* SPDX-License-Identifier: MIT */
 #include "rng.h"
 
 #include <math.h>
 
-#define GOLDEN SAGA_RNG_GOLDEN
-#define mix saga_rng_mix
-
 saga_rng saga_rng_stream(uint64_t seed, uint64_t stream)
 {
-    const uint64_t key = mix(seed + GOLDEN);
+    const uint64_t key = saga_rng_mix(seed + SAGA_RNG_GOLDEN);
 
-    return (saga_rng){ mix(key ^ mix(stream * GOLDEN + 1)) };
+    return (saga_rng){ saga_rng_mix(
+        key ^ saga_rng_mix(stream * SAGA_RNG_GOLDEN + 1)) };
 }
 
 float saga_rng_float(saga_rng r, uint64_t counter)
@@ -37,7 +34,8 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
 {
     enum { ROUNDS = 4 };
     /* Every n draws have a permutation of their own. */
-    const saga_rng epoch = { mix(r.key ^ mix((draw / n + 1) * GOLDEN)) };
+    const saga_rng epoch = { saga_rng_mix(
+        r.key ^ saga_rng_mix((draw / n + 1) * SAGA_RNG_GOLDEN)) };
     uint32_t x = (uint32_t)(draw % n), mask;
     unsigned half = 1;
 
@@ -64,7 +62,8 @@ double saga_rng_normal(saga_rng r, uint64_t counter)
     const uint64_t bits = saga_rng_bits(r, counter);
     /* u is never 0, where the logarithm is infinite. */
     const double u = ((double)(bits >> 11) + 0.5) * 0x1p-53;
-    const double v = (double)(mix(bits + GOLDEN) >> 11) * 0x1p-53;
+    const double v = (double)(saga_rng_mix(bits + SAGA_RNG_GOLDEN) >> 11) *
+                     0x1p-53;
 
     return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }

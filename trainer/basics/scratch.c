@@ -2,6 +2,7 @@
 #include "scratch.h"
 
 #include "alloc.h"
+#include "file.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -15,23 +16,17 @@
 static const char remedy[] = "name a folder on a disk with more space by "
                              "--scratch, or load less by --frames or --scale";
 
-/* Opens a file in a folder and removes its name. Returns a descriptor; -1 with
- * *error set. */
-static int open_unnamed(const char *folder, saga_error *error)
+int saga_scratch_open(const char *folder, const char *what, const char *way,
+                      saga_error *error)
 {
-    static const char name[] = "/saga-scratch.XXXXXX";
-    const size_t n = strlen(folder) + sizeof name;
-    char *const path = saga_alloc(n, 1, folder, error);
-    int fd = -1;
+    char *const path = saga_path_join(folder, "saga-XXXXXX", error);
+    int fd;
 
     if (!path)
         return -1;
-    (void)snprintf(path, n, "%s%s", folder, name);
     fd = mkstemp(path);
     if (fd < 0) {
-        (void)saga_fail_errno(error, folder,
-                              "name a folder that can be written by --scratch",
-                              "no scratch file can be made there");
+        (void)saga_fail_errno(error, folder, way, what);
     } else {
         unlink(path);
         (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
@@ -87,7 +82,12 @@ bool saga_scratch_make(saga_scratch *s, const char *folder, uint64_t nbytes,
     *s = (saga_scratch){ NULL, 0, -1 };
     if (nbytes > PTRDIFF_MAX)
         return saga_no_memory(SIZE_MAX, folder, error);
-    *s = (saga_scratch){ NULL, (size_t)nbytes, open_unnamed(folder, error) };
+    *s = (saga_scratch){ NULL, (size_t)nbytes,
+                         saga_scratch_open(folder,
+                                           "no scratch file can be made there",
+                                           "name a folder that can be written "
+                                           "by --scratch",
+                                           error) };
     if (s->fd >= 0 && map(s, folder, error))
         return true;
     if (s->fd >= 0)

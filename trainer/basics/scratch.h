@@ -24,6 +24,10 @@ typedef struct saga_scratch {
     int fd; /* of the file */
 } saga_scratch;
 
+/* Makes a file without a name in a folder. Returns its descriptor; or -1 with
+ * *error set, which says `what` and the remedy `way`. */
+int saga_scratch_open(const char *folder, const char *what, const char *way,
+                      saga_error *error);
 /* Makes nbytes, at least 1, in a file in `folder`. Returns false with *error
  * set, and *scratch empty, if the folder cannot be written or its disk has not
  * enough space. */

@@ -50,6 +50,7 @@ static camera corrected(const writer *w, int v)
                      : v == m->swapped[0] ? m->swapped[1]
                      : v == m->swapped[1] ? m->swapped[0]
                                           : v;
+    /* A mistake of all cameras is undone; otherwise each was refined. */
     const saga_source *const s = &w->listing->sources[from];
     camera c = { .lens = s->lens };
     memcpy(c.rotation, s->rotation, sizeof c.rotation);

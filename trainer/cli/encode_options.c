@@ -127,6 +127,8 @@ int saga_encode_check_options(const saga_encode_options *o,
     saga_error error = { "" };
     const char *says;
 
+    /* First the options that are words or numbers of their own, then what
+     * contradicts each other. */
     *preset = saga_preset_called(o->preset);
     if (!*preset)
         return unknown_preset(o->preset);

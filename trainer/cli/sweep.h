@@ -6,7 +6,7 @@
  * (docs/lab/size.md).
  *
  * The largest file is trained first. Each other one begins with what the next
- * larger one has learned, which saves more than half of its time.
+ * larger one has learned, which saves some of its time.
  *
  * The folder gets N.saga and N.json for each file, the smallest with number 1,
  * and curve.json with the results of the files for which no smaller file is

@@ -41,7 +41,7 @@ typedef real quad __attribute__((vector_size(4 * sizeof(real))));
 /* The state of as many blocks as a vector has lanes. */
 typedef struct {
     vec covariance[MOST * MOST], axes[MOST * MOST], turned[MOST * MOST];
-    vec m[MOST], v[MOST];
+    vec m[MOST], v[MOST], trace; /* trace: of the covariance */
 } lanes;
 
 /* Copies n reals of a block to or from a lane. */
@@ -103,15 +103,17 @@ static void orthogonalise(vec *y, size_t k, size_t n)
  * them; v is computed from the covariance for the new axes. */
 static void turn_lanes(lanes *t, size_t n)
 {
-    vec world[MOST], trace = vec_zero(), along;
+    vec world[MOST], along;
 
+    t->trace = vec_zero();
     for (size_t i = 0; i < n; i++)
-        trace += t->covariance[i * n + i];
+        t->trace += t->covariance[i * n + i];
     /* Row k becomes (C + ridge) axis k. */
     for (size_t k = 0; k < n; k++)
         for (size_t i = 0; i < n; i++) {
             dot(&along, t->covariance + i * n, t->axes + k * n, n);
-            t->turned[k * n + i] = along / trace + RIDGE * t->axes[k * n + i];
+            t->turned[k * n + i] = along / t->trace +
+                                   RIDGE * t->axes[k * n + i];
         }
     for (size_t k = 0; k < n; k++)
         orthogonalise(t->turned, k, n);
@@ -125,7 +127,7 @@ static void turn_lanes(lanes *t, size_t n)
         dot(&t->m[k], row, world, n);
         /* Keeps v positive along axes without gradients, where m is only
          * rounding error. */
-        t->v[k] = RIDGE * trace;
+        t->v[k] = RIDGE * t->trace;
         for (size_t i = 0; i < n; i++) {
             dot(&along, t->covariance + i * n, row, n);
             t->v[k] += row[i] * along;
@@ -155,12 +157,9 @@ static void turn(const saga_block_adam *b, size_t first, int n_blocks)
     turn_lanes(&t, n);
     for (int lane = 0; lane < n_blocks; lane++) {
         const size_t i = first + (size_t)lane * SAGA_BLOCK_TURN_EVERY;
-        real trace = 0;
 
-        for (size_t k = 0; k < n; k++)
-            trace += b->covariance[i * size + k * n + k];
         /* Without a gradient yet, axes stay as they are. */
-        if (!(trace > 0))
+        if (!(((const real *)&t.trace)[lane] > 0))
             continue;
         from_lane(b->axes + i * size, t.turned, lane, size);
         from_lane(b->m + i * n, t.m, lane, n);
@@ -175,8 +174,8 @@ static inline void load_quad(quad *to, const real *from)
     memcpy(to, from, sizeof *to);
 }
 
-/* Sets r (n) to the dot products of n rows with x. Each is
- * the sum of four interleaved sums. */
+/* Sets r (n) to the dot products of n rows with x. Each is the sum of four
+ * interleaved sums. */
 static void dot_rows(real *r, const real *rows, const real *x, size_t n)
 {
     for (size_t k = 0; k < n; k += 4) {

@@ -6,16 +6,24 @@
 
 /* --- Memory -------------------------------------------------------------- */
 
+/* Places a batch that reads the inputs `in`. */
+static void take_reading(saga_twin_batch *b, saga_arena *a, real *in,
+                         const saga_net *net, size_t rows)
+{
+    const size_t out = (size_t)net->dim[net->n_layers];
+
+    b->in = in;
+    b->d_in = saga_arena_take(a, rows * (size_t)net->dim[0]);
+    b->out = saga_arena_take(a, rows * out);
+    b->d_out = saga_arena_take(a, rows * out);
+}
+
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows)
 {
-    const size_t in = (size_t)net->dim[0];
-    const size_t out = (size_t)net->dim[net->n_layers];
+    real *const in = saga_arena_take(a, rows * (size_t)net->dim[0]);
 
-    b->in = saga_arena_take(a, rows * in);
-    b->d_in = saga_arena_take(a, rows * in);
-    b->out = saga_arena_take(a, rows * out);
-    b->d_out = saga_arena_take(a, rows * out);
+    take_reading(b, a, in, net, rows);
 }
 
 static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
@@ -40,10 +48,13 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
         const saga_net *const t = &s->net[net];
         const size_t rows = t->n_layers ? saga_twin_rows(w, net) : 0;
 
-        saga_twin_batch_take(&w->batch[net], a, t, rows);
+        /* The first layer of colour has the inputs of F_geo, which is placed
+         * before it. */
+        if (net == SAGA_NET_COLOUR_BASE)
+            take_reading(&w->batch[net], a, w->batch[SAGA_NET_GEO].in, t, rows);
+        else
+            saga_twin_batch_take(&w->batch[net], a, t, rows);
     }
-    /* The first layer of colour has the inputs of F_geo. */
-    w->batch[SAGA_NET_COLOUR_BASE].in = w->batch[SAGA_NET_GEO].in;
     w->fine_feature = saga_arena_take(a, fine * f);
     w->d_fine_feature = saga_arena_take(a, fine * f);
     w->log2_support = saga_arena_take(a, 4 * fine);

@@ -338,6 +338,7 @@ static bool reserve(listing *l, saga_error *error)
 {
     saga_splat_work *const work = l->work;
     const size_t n = work->n;
+    /* Counts serve the sort first, then the lists. */
     const size_t n_bins = l->n_tiles > RADIX ? l->n_tiles : RADIX;
 
     if (!saga_canvas_grow(&work->scratch[0], &work->cap[10],

@@ -2,6 +2,7 @@
 #include "child.h"
 
 #include "error.h"
+#include "scratch.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -26,24 +27,10 @@ static void close_fd(int *fd)
 
 static int open_log(saga_error *error)
 {
-    const char *folder = getenv("TMPDIR");
-    char path[512];
-    if (!folder || strlen(folder) > 400)
-        folder = "/tmp";
-    (void)snprintf(path, sizeof path, "%s/saga-log.XXXXXX", folder);
-    const int fd = mkstemp(path);
-    if (fd < 0) {
-        saga_fail_errno(error, folder,
-                        "set TMPDIR to a folder that can be "
-                        "written",
-                        "no temporary file can be made there");
-        return -1;
-    }
-    /* The file loses its name now, so that it disappears with its last
-     * descriptor, however this process ends. */
-    unlink(path);
-    (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
-    return fd;
+    const char *const folder = getenv("TMPDIR");
+    return saga_scratch_open(
+        folder ? folder : "/tmp", "no temporary file can be made there",
+        "set TMPDIR to a folder that can be written", error);
 }
 
 /* Starts the process. `end` becomes its standard output, or its standard input

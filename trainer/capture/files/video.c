@@ -104,7 +104,8 @@ static size_t read_frame(saga_video *video, uint8_t *pixels)
     const size_t n = (size_t)video->info.width * (size_t)video->info.height;
     const size_t each = video->info.opacity ? 4 : 3;
     if (video->info.depth) {
-        const size_t all = n / 2 * (video->info.depth > 8 ? 6 : 3);
+        const size_t all = saga_filmed_nbytes(
+            video->info.depth, video->info.width, video->info.height);
         const size_t part = saga_child_read(&video->child, pixels, all);
         return part < all ? part / 6 : n;
     }

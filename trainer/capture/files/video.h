@@ -35,9 +35,9 @@ typedef struct saga_video_info {
                      * saga_video_info_free frees them */
     bool own_clock; /* stamps begin at an arbitrary number */
     bool interlaced, alpha;
-    int depth;        /* 8 or 10: frames can be read as they are stored, 4:2:0
-                       * with so many bits (filmed.h); 0: only as RGB. The
-                       * caller sets 0 for RGB */
+    int depth;        /* 8 or 10: frames can be read as they are stored, in
+                       * 4:2:0 with samples of this number of bits (filmed.h);
+                       * 0: only as RGB. The caller sets 0 for RGB */
     const char *form; /* ffmpeg's name of their pixel format */
     bool untagged;    /* the file names no colour matrix */
     char matrix[16];  /* its name in ffmpeg's scaler */

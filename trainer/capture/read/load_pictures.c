@@ -135,8 +135,9 @@ static bool add_filmed(canvas *c, const saga_source *s, saga_error *error)
     if (s->upright ||
         !saga_filmed_init(&c->how, info->depth, info->matrix, info->full_range))
         return true;
-    c->filmed = saga_alloc(saga_filmed_nbytes(&c->how, s->width, s->height), 1,
-                           s->video, error);
+    c->filmed = saga_alloc(
+        saga_filmed_nbytes(c->how.depth, s->width, s->height), 1, s->video,
+        error);
     c->room = saga_alloc(saga_filmed_room(s->width), 1, s->video, error);
     return c->filmed && c->room;
 }
@@ -200,25 +201,26 @@ static int n_decoded(const saga_load_job *job, const saga_source *s)
     return 0;
 }
 
-/* Reads the next frame of a video, which is picture k of view v. */
-static bool read_frame(saga_load_job *job, int v, int k, const canvas *at,
-                       saga_video *video, saga_error *error)
+/* Takes the frame that was read from a video as picture k of view v. */
+static bool take_frame(const saga_load_job *job, int v, int k,
+                       const saga_remap *remap, const canvas *at,
+                       saga_error *error)
 {
+    const saga_source *const s = &job->listing->sources[v];
     saga_source_view *const view = &job->capture->views[v];
-    const int size[2] = { video->info.width, video->info.height };
-    const size_t n = saga_filmed_nbytes(&at->how, size[0], size[1]);
-    if (!saga_video_next(video, at->filmed ? at->filmed : at->pixels, error))
-        return false;
+    const int size[2] = { s->width, s->height };
+    const size_t n = saga_filmed_nbytes(at->how.depth, size[0], size[1]);
     if (view->filmed.depth)
         view->digest = add_digest(view->digest, at->filmed, n);
     if (view->as_filmed) {
         saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
                           at->filmed, n);
         atomic_store(view->as_filmed + k, 1);
-    } else if (at->filmed) {
-        saga_filmed_develop(at->pixels, at->filmed, &at->how, size, at->room);
+        return true;
     }
-    return true;
+    if (at->filmed)
+        saga_filmed_develop(at->pixels, at->filmed, &at->how, size, at->room);
+    return fill_picture(job, v, k, remap, at, error);
 }
 
 static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
@@ -244,15 +246,13 @@ static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
     for (int j = 0, k = 0; ok && j < end; j++) {
         while (k < n && saga_source_frame(s, first + k) < j)
             k++;
-        if (k == n || saga_source_frame(s, first + k) != j)
-            ok = saga_video_next(&video, at->filmed ? at->filmed : at->pixels,
-                                 error);
-        else
-            ok = read_frame(job, v, k, at, &video, error) &&
-                 (job->capture->views[v].as_filmed ||
-                  fill_picture(job, v, k, remap, at, error));
-        if (ok && k < n && saga_source_frame(s, first + k) == j)
-            picture_done(job);
+        ok = saga_video_next(&video, at->filmed ? at->filmed : at->pixels,
+                             error);
+        if (ok && k < n && saga_source_frame(s, first + k) == j) {
+            ok = take_frame(job, v, k, remap, at, error);
+            if (ok)
+                picture_done(job);
+        }
         /* A cancelled load must not wait for the end of long videos. */
         if (item_skipped(job, v))
             ok = saga_fail(error, s->video, NULL, "stopped");

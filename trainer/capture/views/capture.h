@@ -70,8 +70,8 @@ typedef struct saga_capture_options {
     uint64_t memory_nbytes; /* budget for memory, without what is mapped */
     const char *scratch;    /* folder of a file for the pictures; NULL: they
                              * stay in memory */
-    uint64_t little_nbytes; /* pictures of at most so many bytes stay in memory
-                             * even if there is such a folder */
+    uint64_t little_nbytes; /* pictures of at most this number of bytes stay in
+                             * memory even if there is such a folder */
     int n_threads;          /* 0: OpenMP's default */
     double fps;             /* frame rate if the capture has none; 0: 30 */
     double metres;          /* metres per unit of length; 0: from the capture */

@@ -28,8 +28,7 @@ typedef struct saga_filmed {
 } saga_filmed;
 
 /* Sets the conversion for a matrix by its name in ffmpeg's scaler. Returns
- * false, and depth 0, if there is none for these pictures: sides must be even
- * and at least 16. */
+ * false, and depth 0, if there is none for this matrix or depth. */
 bool saga_filmed_init(saga_filmed *filmed, int depth, const char *matrix,
                       bool full_range);
 
@@ -40,11 +39,10 @@ static inline bool saga_filmed_fits(int width, int height)
     return width >= 16 && height >= 16 && width % 2 == 0 && height % 2 == 0;
 }
 
-/* Returns the bytes of a picture, at most those of its RGB. */
-static inline size_t saga_filmed_nbytes(const saga_filmed *filmed, int width,
-                                        int height)
+/* Returns the bytes of a picture of 8 or 10 bits, at most those of its RGB. */
+static inline size_t saga_filmed_nbytes(int depth, int width, int height)
 {
-    return (size_t)width * (size_t)height / 2 * (filmed->depth > 8 ? 6 : 3);
+    return (size_t)width * (size_t)height / 2 * (depth > 8 ? 6 : 3);
 }
 
 /* Returns the bytes of working memory for a picture of this width. */

@@ -99,6 +99,18 @@ bool saga_train_save_networks(saga_train *t, const char *path,
 
 /* --- Reading -------------------------------------------------------------- */
 
+/* Reads a checkpoint by `load`. */
+static bool read_file(saga_train *t, const char *path,
+                      bool (*load)(saga_train *, saga_checkpoint *,
+                                   saga_error *),
+                      saga_error *error)
+{
+    saga_checkpoint c;
+
+    return saga_checkpoint_open(&c, path, error) &&
+           saga_checkpoint_close(&c, load(t, &c, error), error);
+}
+
 static bool fits(const saga_train *t, const saga_train_header *h,
                  const char *file, saga_error *error)
 {
@@ -268,19 +280,13 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
         c->failed = true;
         return false;
     }
-    return fits(t, &h, t->o.checkpoint, error) && skip_pictures(c, error) &&
+    return fits(t, &h, c->path, error) && skip_pictures(c, error) &&
            saga_train_load_state(t, &h, c, error);
 }
 
 bool saga_train_load(saga_train *t, saga_error *error)
 {
-    saga_checkpoint c;
-    bool ok;
-
-    if (!saga_checkpoint_open(&c, t->o.checkpoint, error))
-        return false;
-    ok = load(t, &c, error);
-    return saga_checkpoint_close(&c, ok, error);
+    return read_file(t, t->o.checkpoint, load, error);
 }
 
 /* The part of the warm-up that is done again with fewer primitives. It begins
@@ -317,13 +323,7 @@ static bool load_above(saga_train *t, saga_checkpoint *c, saga_error *error)
 
 bool saga_train_load_above(saga_train *t, saga_error *error)
 {
-    saga_checkpoint c;
-    bool ok;
-
-    if (!saga_checkpoint_open(&c, t->o.above, error))
-        return false;
-    ok = load_above(t, &c, error);
-    return saga_checkpoint_close(&c, ok, error);
+    return read_file(t, t->o.above, load_above, error);
 }
 
 static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
@@ -341,11 +341,5 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
 
 bool saga_train_load_networks(saga_train *t, saga_error *error)
 {
-    saga_checkpoint c;
-    bool ok;
-
-    if (!saga_checkpoint_open(&c, t->o.networks, error))
-        return false;
-    ok = load_networks(t, &c, error);
-    return saga_checkpoint_close(&c, ok, error);
+    return read_file(t, t->o.networks, load_networks, error);
 }
