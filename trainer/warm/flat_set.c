@@ -169,10 +169,11 @@ void saga_flat_bound(saga_flat *f, int attr, saga_range of)
         x[i] = saga_clamp(x[i], f->rule[attr].lo, f->rule[attr].hi);
 }
 
-/* Returns by how much the age grows in a unit of time, as saga_splat_ageing. */
+/* Returns by how much the age grows in a unit of time, as saga_splat_ageing. Of
+ * most primitives it is 2, which need not be computed. */
 static double ageing(real log2_width)
 {
-    return exp2(-fmin((double)log2_width, -1));
+    return log2_width >= -1 ? 2 : exp2(-(double)log2_width);
 }
 
 void saga_flat_keep_path(saga_flat *f, size_t i, saga_flat_moment was)
