@@ -662,7 +662,8 @@ for f, n in (one, 1), (two, 2):
     if f["n_segments"] != n or abs(
             f["least_kb"] - 4 - 0.009 * n * f["n_primitives"]) > 1e-6 or (
             f["picture_nbytes"] != 24 * 3 * 32 * 18 * 3) or (
-            f["pictures_in_file"]):
+            f["pictures_in_file"]) or (
+            f["memory_nbytes"] < f["picture_nbytes"]):
         print("check: the forecast of", n, "segments is", f)
 PYTHON
 expect 0 check "$tmp/long"
@@ -695,7 +696,7 @@ for key in "w", "h", "fl_x", "fl_y", "cx", "cy":
 json.dump(j, open(name, "w"))
 PYTHON
 expect 0 check "$tmp/wide"
-[ "$(grep -A1 'preset fast' "$tmp/out" | tail -n 1)" = \
+[ "$(grep -A2 'preset fast' "$tmp/out" | tail -n 1)" = \
     '    with pictures reduced to 1/2 of their size, to save time' ] &&
     [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
@@ -741,6 +742,12 @@ says_plan() {
 }
 says_plan 'pictures are reduced to 1/2 of their size, to fit the time of preset fast'
 says_plan '480 iterations: preset fast, 30 visits' --scale 1
+# A training that takes more memory than allowed must not begin.
+expect 2 encode "$tmp/wide" -o "$tmp/wide.saga" --scale 1 --level 3 \
+    --primitives 400000 --memory 4
+grep -q 'training 400000 primitives takes 5\.[0-9] GiB of memory, 0\.0 of' \
+    "$tmp/err" && grep -q 'allows 4; give --memory 6, or fewer' "$tmp/err" ||
+    complain "encode: no word of memory: $(cat "$tmp/err")"
 ! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
 # For one camera there must be no comparison with others, and for four frames no
 # estimate of delays.

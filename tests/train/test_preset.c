@@ -118,6 +118,31 @@ TEST(minutes_should_be_those_measured)
     }
 }
 
+/* The most anonymous memory (RssAnon) of trainings of rings and the room, with
+ * the pictures in a scratch file. The forecast is a bound, and close to what
+ * large trainings take. */
+TEST(memory_should_be_that_measured)
+{
+    static const struct {
+        double n_primitives, largest, megabytes;
+    } t[] = {
+        { 1000, 320 * 180, 23 },     { 8000, 320 * 180, 102 },
+        { 30000, 320 * 180, 425 },   { 5000, 450 * 338, 72 },
+        { 20000, 450 * 338, 294 },   { 60000, 450 * 338, 849 },
+        { 20000, 676 * 507, 335 },   { 60000, 676 * 507, 835 },
+        { 5000, 1352 * 1014, 230 },  { 20000, 1352 * 1014, 448 },
+        { 60000, 1352 * 1014, 971 }, { 100000, 1352 * 1014, 1506 },
+    };
+
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        const double told = 1e-6 *
+                            saga_plan_memory(t[i].n_primitives, t[i].largest);
+
+        assert_true(told > 0.98 * t[i].megabytes);
+        assert_true(told < 1.25 * t[i].megabytes + 10);
+    }
+}
+
 /* Of 160 iterations, 96 belong to the warm-up. The other 64 take 2.5 times as
  * long, so that all take the time of 256 iterations of the warm-up, 64 seconds
  * at a quarter of a second each. Two teachers must add half of that for a

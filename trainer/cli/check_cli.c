@@ -73,8 +73,11 @@ static json_t *refinement_of(const saga_refinement *r)
     return o;
 }
 
-static json_t *forecast_of(const saga_forecast *f, double little_nbytes)
+static json_t *forecast_of(const saga_forecast *f,
+                           const saga_capture_options *with)
 {
+    const bool in_file = f->picture_nbytes > (double)with->little_nbytes;
+    const double memory = f->memory_nbytes + (in_file ? 0 : f->picture_nbytes);
     json_t *const o = json_object();
 
     saga_put_text(o, "preset", f->preset);
@@ -89,8 +92,11 @@ static json_t *forecast_of(const saga_forecast *f, double little_nbytes)
     saga_put_real(o, "/minutes", ceil(f->minutes));
     saga_put_real(o, "least_kb", f->least_kb);
     saga_put_real(o, "most_kb", f->most_kb);
+    saga_put_real(o, "memory_nbytes", memory);
+    saga_put_real(o, "/gib", ceil(0x1p-30 * memory));
+    saga_put_flag(o, "/short", memory > (double)with->memory_nbytes);
     saga_put_real(o, "picture_nbytes", f->picture_nbytes);
-    saga_put_flag(o, "pictures_in_file", f->picture_nbytes > little_nbytes);
+    saga_put_flag(o, "pictures_in_file", in_file);
     return o;
 }
 
@@ -108,7 +114,7 @@ static json_t *lines_of(const char *notes)
 }
 
 static json_t *report_of(const saga_survey *s, const saga_capture *c,
-                         const char *name, double little_nbytes)
+                         const char *name, const saga_capture_options *with)
 {
     json_t *const o = saga_cli_json_head("check", name);
     json_t *const views = json_array();
@@ -119,7 +125,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     for (int v = 0; v < c->n_views; v++)
         saga_put_item(views, view_of(s, c, v));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        saga_put_item(forecast, forecast_of(&f, little_nbytes));
+        saga_put_item(forecast, forecast_of(&f, with));
     saga_put_text(o, "format", c->format);
     saga_put_int(o, "/n_views", c->n_views);
     saga_put_int(o, "n_frames", c->n_frames);
@@ -174,6 +180,9 @@ static const saga_line text[] = {
       "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
       "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
+    { "", "forecast", "    in {memory_nbytes*1e-9:%.1f} GB of memory\n" },
+    { "/short", "forecast",
+      "    which --memory does not allow; give encode --memory {/gib:%.0f}\n" },
     { "n_wanted>0", "forecast",
       "    level {level} has room for no more of the "
       "{n_wanted:%.0f} primitives that suit the capture\n" },
@@ -240,9 +249,8 @@ static int check(const char *name, const options *o)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
                                 wrong_poses.message);
     else
-        status = saga_cli_print_report(
-            report_of(&survey, &c, name, (double)with.little_nbytes), &how,
-            SAGA_LINES(text));
+        status = saga_cli_print_report(report_of(&survey, &c, name, &with),
+                                       &how, SAGA_LINES(text));
     saga_survey_free(&survey);
     saga_capture_free(&c);
     return status;

@@ -63,7 +63,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     saga_train_options o = saga_train_defaults();
     saga_plan_reasons why;
     saga_capture first;
-    double pixels = 0, least, most;
+    double pixels = 0, largest = 0, least, most;
 
     /* 0 lets saga_plan choose both. */
     o.n_primitives = 0;
@@ -73,8 +73,12 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->n_segments = saga_plan_segments(c, 0);
     first.n_frames /= f->n_segments;
     saga_plan(&o, &why, &first, preset);
-    for (int v = 0; v < c->n_views; v++)
-        pixels += (double)view[v].width * view[v].height / c->n_views;
+    for (int v = 0; v < c->n_views; v++) {
+        const double n = (double)view[v].width * view[v].height;
+
+        pixels += n / c->n_views;
+        largest = fmax(largest, n);
+    }
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->level = o.level;
@@ -86,6 +90,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
                      (double)f->n_segments * f->n_iterations, c->n_frames == 1);
+    f->memory_nbytes = saga_plan_memory(f->n_primitives, largest);
     f->picture_nbytes = (double)c->picture_nbytes / f->n_segments /
                         (f->scale * f->scale);
     f->least_kb = least / 1000;
@@ -369,10 +374,11 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to,
                 "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
-                "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d<td>"
-                "%d teachers<td>%s\n",
+                "%.0f CPU minutes<td>%.1f GB of memory<td>%.0f to %.0f kB<td>"
+                "pictures at 1/%d<td>%d teachers<td>%s\n",
                 f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
-                f.least_kb, f.most_kb, f.scale, f.n_teachers,
+                1e-9 * f.memory_nbytes, f.least_kb, f.most_kb, f.scale,
+                f.n_teachers,
                 f.n_wanted > 0 ? "the level has room for no more" : "");
     fputs("</table><h2>Decisions while loading</h2><pre>", to);
     put_notes(to, "", c->notes);

@@ -20,6 +20,7 @@ typedef struct saga_forecast {
     int n_teachers;  /* trained before the warm-up; counted in `minutes` only */
     double minutes;  /* CPU time for all segments */
     double least_kb, most_kb;
+    double memory_nbytes;  /* of training a segment, besides its pictures */
     double picture_nbytes; /* of a segment's pictures and masks, decoded */
 } saga_forecast;
 

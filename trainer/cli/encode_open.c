@@ -278,6 +278,26 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
     }
 }
 
+/* Refuses a training for which --memory is too small, before it begins. */
+static int check_memory(const saga_encode_session *s,
+                        const saga_train_options *t)
+{
+    const saga_capture *const c = &s->capture;
+    const double pictures = c->pixels.at ? 0 : (double)c->picture_nbytes;
+    const double model = saga_plan_memory(t->n_primitives, c->largest_pixels);
+    const double need = 0x1p-30 * (model + pictures);
+
+    return need <= s->o->capture.memory
+               ? SAGA_EXIT_OK
+               : saga_cli_error(SAGA_EXIT_USAGE,
+                                "encode: training %u primitives takes %.1f GiB "
+                                "of memory, %.1f of them for pictures; "
+                                "--memory allows %d; give --memory %.0f, or "
+                                "fewer --primitives",
+                                t->n_primitives, need, 0x1p-30 * pictures,
+                                s->o->capture.memory, ceil(need));
+}
+
 static int adopt_networks(saga_encode_session *s, saga_train_options *t)
 {
     return saga_train_adopt(t, t->networks, &s->error)
@@ -319,6 +339,9 @@ static int open_training(saga_encode_session *s)
     /* The plan needs the loaded capture, because it depends on its pixels and
      * motion. */
     plan(s, &t, resume);
+    status = check_memory(s, &t);
+    if (status)
+        return status;
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
     if (!s->train)

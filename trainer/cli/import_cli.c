@@ -17,6 +17,7 @@
 #include "model.h"
 #include "output.h"
 #include "policy.h"
+#include "preset.h"
 #include "train.h"
 
 #include <errno.h>
@@ -28,11 +29,6 @@
 #include <unistd.h>
 
 enum { MOST_FILES = 65535 };
-
-/* Training a still takes this memory, measured with 20,000 to 160,000
- * primitives. */
-#define FIXED_NBYTES 1e8
-#define PRIMITIVE_NBYTES 14000.0
 
 /* Lambda is chosen for this mean squared error between the file's and the
  * splats' pictures, which is 40 dB. */
@@ -156,12 +152,17 @@ static size_t n_wanted(const session *s)
  * that the splats come from. */
 static double train_nbytes(const session *s, size_t n)
 {
-    double nbytes = FIXED_NBYTES + (double)n * PRIMITIVE_NBYTES +
-                    (double)saga_cloud_nbytes(s->first.n, s->first.degree);
+    double largest = 0, pictures = 0;
 
-    for (int v = 0; v < s->cameras.n_views; v++)
-        nbytes += (double)saga_view_frame_nbytes(&s->cameras.view[v]);
-    return nbytes;
+    for (int v = 0; v < s->cameras.n_views; v++) {
+        const double nbytes = (double)saga_view_frame_nbytes(
+            &s->cameras.view[v]);
+
+        pictures += nbytes;
+        largest = fmax(largest, nbytes / 3);
+    }
+    return saga_plan_memory((double)n, largest) + pictures +
+           (double)saga_cloud_nbytes(s->first.n, s->first.degree);
 }
 
 /* Returns how many of n primitives of a still fit a level. */

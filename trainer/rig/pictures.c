@@ -11,7 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
+/* The background is looked for in this number of pixels, of at most this number
+ * of pictures: a film has thousands, and each that is touched is decoded and
+ * written to the scratch file. */
+enum { MIN_SIDE = 8, N_LOOKED_AT = 100000, MOST_LOOKED_AT = 256 };
 
 /* Rows of the truth in one task, and nanoseconds for a sample. */
 enum { ROWS = 8 };
@@ -75,12 +78,15 @@ static int compare_colours(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Reads pixels spread evenly over all training pictures. A pixel that does not
- * count gets a value that no other has. */
+/* Reads pixels of training pictures that are spread evenly. A pixel that does
+ * not count gets a value that no other has. */
 static void read_colours(uint32_t *colour, const saga_pictures *p)
 {
+    const size_t n = (size_t)p->n_there;
+    const size_t few = n < MOST_LOOKED_AT ? n : MOST_LOOKED_AT;
+
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
-        const size_t at = i * (size_t)p->n_there / N_LOOKED_AT;
+        const size_t at = i * few / N_LOOKED_AT * n / few;
         const size_t one = p->there ? (size_t)p->there[at] : at;
         const int view = p->train[one % (size_t)p->n_train];
         const saga_source_view *const v = p->capture->views + view;

@@ -88,6 +88,13 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 #define FIXED_NBYTES 4000
 #define PRIMITIVE_NBYTES 11
 
+/* Bytes of memory of a training: without a scene, for a primitive, and for a
+ * pixel of the largest picture. tests/train/test_preset.c lists what trainings
+ * took. */
+#define FIXED_MEMORY 1e7
+#define PRIMITIVE_MEMORY 14000.0
+#define PIXEL_MEMORY 120.0
+
 /* Bytes for a primitive in files so small that networks are most of them. */
 #define SMALL_NBYTES 20
 
@@ -152,6 +159,12 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
     return n_iterations / 12000 *
            (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000 +
             0.022 * (n_primitives / 1000) * (pixels / 100000));
+}
+
+double saga_plan_memory(double n_primitives, double largest)
+{
+    return FIXED_MEMORY + PRIMITIVE_MEMORY * n_primitives +
+           PIXEL_MEMORY * largest;
 }
 
 /* The detail that is learned about a primitive grows with the logarithm of the

@@ -71,6 +71,10 @@ double saga_plan_primitives(double pixels, double changing, double seconds);
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels);
 
+/* Returns the most anonymous memory that a training takes, in bytes, besides
+ * the pictures of its capture. largest: the pixels of the largest picture. */
+double saga_plan_memory(double n_primitives, double largest);
+
 /* Sets *least and *most to the range in which the size of a segment's file
  * mostly lies: 4,000 bytes and 9 to 14 for each primitive (docs/results/rd.md).
  * The file of a still is smaller the fewer iterations there are for each
