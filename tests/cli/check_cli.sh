@@ -715,8 +715,7 @@ import json, sys
 for name, part in zip(sys.argv[1:], (1 / 4, 1 / 10)):
     for f, n in zip(json.load(open(name))["forecast"], (0, 2, 2)):
         minutes = f["n_iterations"] / 12000 * (
-            0.27 * f["n_primitives"] / 1000 + 0.7 * 1000 / 100000 +
-            0.022 * f["n_primitives"] / 1000 * 1000 / 100000)
+            0.2705 * f["n_primitives"] / 1000 + 0.44 * 1000 / 100000)
         if (f["n_teachers"] != n or
                 abs(f["cpu_minutes"] / minutes - 1 - part * n) > 1e-6):
             print("check: a forecast with", n, "teachers is", f)

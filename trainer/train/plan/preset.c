@@ -148,17 +148,15 @@ double saga_plan_primitives_of_size(double n_bytes)
                 n_bytes / SMALL_NBYTES);
 }
 
-/* 12,000 iterations take 0.27 CPU minutes for 1,000 primitives and 0.7 for
- * pictures of 100,000 pixels (docs/results/rd.md). The last term is small for
- * small pictures; it was fitted to pictures of a megapixel, in which a
- * primitive covers more pixels and the primitives no longer fit in a cache
+/* 12,000 iterations take 0.27 to 0.4 CPU minutes for 1,000 primitives, which
+ * cover more pixels in larger pictures, and 0.44 for pictures of 100,000 pixels
  * (tests/train/test_preset.c lists the times). */
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels)
 {
     return n_iterations / 12000 *
-           (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000 +
-            0.022 * (n_primitives / 1000) * (pixels / 100000));
+           ((0.27 + 0.05 * fmin(pixels / 100000, 2.5)) * n_primitives / 1000 +
+            0.44 * pixels / 100000);
 }
 
 double saga_plan_memory(double n_primitives, double largest)
