@@ -70,7 +70,7 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 # of them earlier in ROOMS. docs/architecture.md has the same table;
 # tests/check_tree.sh compares both.
 ROOMS := basics nn $(addprefix capture/,views files loaders read survey synth) \
-         code splat rig scene entropy warm \
+         code splat rig gpu scene entropy warm \
          $(addprefix train/,plan fit pack run) film measure exchange cli
 SEE_basics        :=
 SEE_nn            := basics
@@ -83,17 +83,18 @@ SEE_capture/synth := basics capture/views capture/files
 SEE_code          := basics
 SEE_splat         := basics
 SEE_rig           := basics capture/views splat
+SEE_gpu           := basics capture/views splat rig
 SEE_scene         := basics nn code splat
 SEE_entropy       := basics nn code splat scene
-SEE_warm          := basics nn capture/views capture/survey splat rig
-SEE_train/plan    := basics capture/views code splat rig warm
-SEE_train/fit     := basics nn capture/views code splat rig scene entropy train/plan
-SEE_train/pack    := basics nn capture/views code splat rig scene entropy train/plan train/fit
-SEE_train/run     := basics nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
+SEE_warm          := basics nn capture/views capture/survey splat rig gpu
+SEE_train/plan    := basics capture/views code splat rig gpu warm
+SEE_train/fit     := basics nn capture/views code splat rig gpu scene entropy train/plan
+SEE_train/pack    := basics nn capture/views code splat rig gpu scene entropy train/plan train/fit
+SEE_train/run     := basics nn capture/views code splat rig gpu scene entropy warm train/plan train/fit train/pack
 SEE_film          := basics capture/views code rig
 SEE_measure       := basics capture/views capture/files capture/survey rig film
 SEE_exchange      := basics capture/views capture/files splat rig film
-SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene warm train/plan train/pack train/run film measure exchange
+SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig gpu scene warm train/plan train/pack train/run film measure exchange
 
 # ---------------------------------------------------------------- sources
 
@@ -560,7 +561,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup setup-test setup-packages sanitize lint \
-        symbols nofloat stack headers tree format circles docs tables matrix init mutants coverage prove fuzz bench \
+        symbols nofloat stack headers tree format circles docs tables kernels matrix init mutants coverage prove fuzz bench \
         vectors clean
 setup:
 	@tests/setup.sh build
@@ -623,6 +624,12 @@ tables: $(BUILD)/gen_tables
 	        echo "FAIL tables $$t: not what gen_tables $$t prints"; bad=1; \
 	    fi; \
 	done; test -z "$$bad"
+# The kernels of the GPU are committed in SPIR-V, so that a build needs no
+# compiler of shaders.
+kernels:
+	@tests/setup.sh check
+	@tools/kernels.sh >$(BUILD)/kernels.c
+	@mv $(BUILD)/kernels.c trainer/gpu/kernels.c
 matrix:
 	@tests/run_matrix.sh small
 init:
@@ -799,6 +806,7 @@ make fuzz        libFuzzer on decoder, readers, paths, server, MINUTES=5 each
 Generate
 make vectors     writes vectors/good and REFUSALS again
 make ksy         writes docs/bitstream.ksy from the tables of bitstream.md
+make kernels     compiles trainer/gpu/kernels/*.comp to trainer/gpu/kernels.c
 make compile_commands.json   how each file is compiled, for editors
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=

@@ -31,7 +31,7 @@ static const struct {
 } parts[] = { { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
               { "coder", bench_coder },       { "stages", bench_stages },
               { "net", bench_net },           { "splat", bench_splat },
-              { "train", bench_train } };
+              { "train", bench_train },       { "gpu", bench_gpu } };
 
 enum { N_PARTS = sizeof parts / sizeof *parts };
 

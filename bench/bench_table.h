@@ -51,5 +51,6 @@ void bench_stages(void);
 void bench_net(void);
 void bench_splat(void);
 void bench_train(void);
+void bench_gpu(void);
 
 #endif

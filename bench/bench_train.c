@@ -4,10 +4,9 @@
  * with two, at the size of the demo's pictures and at the paper's. The times
  * are those of the calling thread, which works in every parallel region.
  */
+#include "bench_capture.h"
 #include "bench_table.h"
-#include "capture_load.h"
 #include "freed.h"
-#include "synth.h"
 #include "train.h"
 
 #include <stdio.h>
@@ -52,33 +51,10 @@ static void fail(const saga_error *e)
     exit(1);
 }
 
-/* Renders the built-in room into a temporary folder, and loads it. */
-static saga_capture open_room(int width, int height)
-{
-    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
-    const saga_capture_options o = saga_capture_defaults();
-    char folder[] = "/tmp/bench_train_XXXXXX", remove[64];
-    saga_capture c = { 0 };
-    saga_error e = { "" };
-
-    s.width = width;
-    s.height = height;
-    s.n_cameras = s.n_frames = 2;
-    s.n_hold_out = s.depth_every = 0;
-    s.samples = 1;
-    if (!mkdtemp(folder) || !saga_synth_write(folder, &s, &e) ||
-        !saga_capture_load(&c, folder, &o, &e))
-        fail(&e);
-    snprintf(remove, sizeof remove, "rm -r %s", folder);
-    if (system(remove) != 0)
-        fail(&e);
-    return c;
-}
-
 static void time_training(int n, int width, int height)
 {
     static const char *const stage[] = { "warm-up", "rendering" };
-    FREED_BY(saga_capture_free) saga_capture c = open_room(width, height);
+    FREED_BY(saga_capture_free) saga_capture c = bench_capture(width, height);
     stopwatch w = { .start = bench_now_ms() };
     saga_error e = { "" };
     const saga_train_options o = { .n_segments = 1,

@@ -17,7 +17,7 @@ fi
 files=$(git ls-files '*.c' '*.h' 2>/dev/null ||
     find . -name build -prune -o -name '*.[ch]' -print | sed 's,^\./,,')
 files=$(echo "$files" | grep -vE \
-    '_tables\.h$|^decoder/(alpha|sqrt_up)\.c$|^common/crc32c\.c$')
+    '_tables\.h$|^trainer/gpu/kernels\.c$|^decoder/(alpha|sqrt_up)\.c$|^common/crc32c\.c$')
 case ${1:-} in
 --fix) echo "$files" | xargs -P 2 -n 40 clang-format -i ;;
 *)

@@ -8,7 +8,7 @@
 #               verify.h; reference those of common, decoder and the
 #               trainer's basics and code; tools and ports saga.h. common and
 #               decoder use only the freestanding system headers. No #include
-#               has a path
+#               has a path, except one of a kernel's source in trainer/gpu
 #   rooms       a room of the trainer includes headers of rooms below it only,
 #               and the table of docs/architecture.md agrees with the Makefile
 #   threads     the rooms of training use saga_parallel instead of OpenMP
@@ -16,8 +16,9 @@
 #   names       file names are unique in the tree
 #   licence     one of the first three lines is an SPDX line
 #   text        files are ASCII, without tabs (except in a Makefile) and
-#               trailing blanks, and end with a newline; lines of C have at most
-#               80 columns, except in generated tables (*_tables.h)
+#               trailing blanks, and end with a newline; lines of C and GLSL
+#               have at most 80 columns, except in generated tables (*_tables.h,
+#               kernels.c)
 #   length      files of common, decoder, trainer, reference, tools and ports
 #               have at most 620 lines
 # It reads the files that git would add, or the whole folder without git.
@@ -35,7 +36,7 @@ trap 'rm -rf "$tmp"' EXIT
             sed 's|^\./||'
     fi
 } | while read -r f; do [ ! -f "$f" ] || echo "$f"; done | sort >"$tmp/all"
-grep -E '\.(c|h|sh|py|js|css|html)$|\.d\.ts$|(^|/)Makefile$|^\.ci/run$' "$tmp/all" >"$tmp/source"
+grep -E '\.(c|h|comp|glsl|sh|py|js|css|html)$|\.d\.ts$|(^|/)Makefile$|^\.ci/run$' "$tmp/all" >"$tmp/source"
 grep -E '\.[ch]$' "$tmp/source" >"$tmp/c" || :
 
 : >"$tmp/bad"
@@ -111,7 +112,9 @@ END {
                     print where "<" h "> is not freestanding"
             } else if (match(text, /"[^"]*"/)) {
                 h = substr(text, RSTART + 1, RLENGTH - 2)
-                if (h ~ /\//)
+                if (d == "trainer/gpu" && h ~ /^kernels\/[a-z]*[.]glsl$/)
+                    continue
+                else if (h ~ /\//)
                     print where "path in \"" h "\""
                 else if (h == "saga.h" && d != "common")
                     continue
@@ -153,7 +156,7 @@ verdict licence
 # ---- text: a last line without a newline is one that awk counts and wc does not
 tr '\n' '\0' <"$tmp/source" | xargs -0 wc -l >"$tmp/lines"
 tr '\n' '\0' <"$tmp/source" | LC_ALL=C xargs -0 awk -v lines="$tmp/lines" '
-    FNR == 1 { limit = FILENAME ~ /\.[ch]$/ && FILENAME !~ /_tables\.h$/ }
+    FNR == 1 { limit = FILENAME ~ /\.([ch]|comp|glsl)$/ && FILENAME !~ /_tables\.h$|\/kernels\.c$/ }
     { n[FILENAME] = FNR }
     function complain(what) { print FILENAME ":" FNR ": " what }
     /\t/ && FILENAME !~ /Makefile$/ { complain("tab") }

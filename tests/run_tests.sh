@@ -269,6 +269,7 @@ many() {
     else
         fail "build gcc: make -q: something is left to make"
     fi
+    check kernels tests/check_kernels.sh
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
     check circles tests/check_circles.sh "$build/gcc"
     check headers tests/check_headers.sh "$size"
@@ -283,6 +284,7 @@ many() {
         packages; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    check devices tests/cli/check_devices.sh
     check ksy python3 tests/check_ksy.py
     check metrics python3 tests/cli/check_metrics.py
     check python python3 tests/cli/check_python.py

@@ -10,6 +10,7 @@
 extern const saga_command saga_command_compare;
 extern const saga_command saga_command_cut;
 extern const saga_command saga_command_check;
+extern const saga_command saga_command_devices;
 extern const saga_command saga_command_encode;
 extern const saga_command saga_command_eval;
 extern const saga_command saga_command_export;

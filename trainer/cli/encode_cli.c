@@ -47,6 +47,7 @@ static void free_session(saga_encode_session *s)
     if (s->out.file)
         saga_output_close(&s->out, false, &s->error);
     saga_train_free(s->train);
+    saga_gpu_close(s->gpu);
     saga_capture_free(&s->capture);
     saga_layout_free(&s->result.layout);
     free(s->checkpoint);
@@ -201,6 +202,11 @@ static const saga_cli_option option_list[] = {
       "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
       "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)",
       saga_cli_int, AT(level), 0, 3 },
+    { "--device", "auto|cpu|gpu|N",
+      "what trains: the processor, a GPU, or device N of\n"
+      "`saga devices`. auto is the first GPU with memory of its\n"
+      "own, or else the processor (default auto)",
+      saga_cli_text, AT(device), 0, 0 },
     { "--resume", NULL,
       "continue from FILE.saga.ckpt; give the other options as\n"
       "before. The result is the same as without the break.\n"

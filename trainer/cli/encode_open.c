@@ -4,6 +4,7 @@
  * can be written, divides the capture into segments, and begins the training or
  * resumes it from its checkpoint.
  */
+#include "devices_cli.h"
 #include "encode_session.h"
 
 #include "alloc.h"
@@ -144,6 +145,7 @@ static saga_train_options train_options(saga_encode_session *s)
         t.shorter = s->plan.of_sweep->shorter;
     }
     t.ablate = o->ablate;
+    t.gpu = s->gpu;
     t.checkpoint = s->checkpoint;
     t.checkpoint_seconds = o->every;
     t.progress = saga_encode_training;
@@ -438,6 +440,8 @@ int saga_encode_open(saga_encode_session *s)
         status = look_at_capture(s);
     if (!status)
         status = saga_encode_refine(s);
+    if (!status)
+        status = saga_cli_open_device(&s->gpu, s->o->device, "encode");
     if (!status)
         status = open_training(s);
     if (!status)

@@ -20,6 +20,7 @@ saga_encode_options saga_encode_defaults(void)
                                   .preset = "balanced",
                                   .only = -1,
                                   .model = "auto",
+                                  .device = "auto",
                                   .level = t.level,
                                   .layers = t.n_layers,
                                   .seed = (int)t.seed,

@@ -35,6 +35,8 @@ typedef struct saga_encode_options {
                          * primitives and bits */
     const char *model;  /* "auto" or "paper" */
     int level;          /* 0 to 3; all plans obey its limits */
+    const char *device; /* "auto", "cpu", "gpu" or a number of
+                         * `saga devices` */
     int layers;         /* number of layers; a file may be cut after each */
 
     /* Which part of the capture's file to make. */

@@ -232,6 +232,7 @@ static void put_decoded(json_t *o, const saga_encode_session *s)
 {
     const saga_quality *const q = &s->result.decoded;
 
+    saga_put_text(o, "device", s->gpu ? saga_gpu_is(s->gpu)->name : NULL);
     saga_put_real(o, "seconds", saga_clock_seconds() - s->progress.started);
     saga_put(o, "psnr", quality_of(q));
     saga_put_verdict(o, &s->result.verdict, s->plan.preset->better);
@@ -255,6 +256,7 @@ static json_t *report_networks(const saga_encode_session *s)
     json_t *const o = begin_report(s);
 
     saga_put_int(o, "first", saga_train_first(s->train));
+    saga_put_text(o, "device", s->gpu ? saga_gpu_is(s->gpu)->name : NULL);
     saga_put_real(o, "seconds", saga_clock_seconds() - s->progress.started);
     return o;
 }

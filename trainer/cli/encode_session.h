@@ -8,6 +8,7 @@
 #ifndef SAGA_ENCODE_SESSION_H
 #define SAGA_ENCODE_SESSION_H
 
+#include "compute.h"
 #include "encode_check.h"
 #include "encode_options.h"
 #include "encode_poses.h"
@@ -43,6 +44,7 @@ typedef struct saga_encode_session {
     char *folder;         /* of the output; the scratch file is there, too */
     bool finished;        /* --resume found the finished file */
     saga_capture capture; /* the segment in memory */
+    saga_gpu *gpu;        /* the device of --device, or NULL */
     saga_train *train;
     saga_output out; /* opened at the start, which reserves the name */
     saga_encode_result result;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
-#include "adam.h"
 #include "alloc.h"
 #include "novel.h"
 #include "threads.h"
@@ -17,12 +16,6 @@ enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
 /* The size of a primitive changes the steps of its mean by at most this many
  * octaves. */
 #define MOST_STEP R(2)
-
-/* beta1, beta2, eps, and `most`, the limit of a gradient in root mean squares.
- * most is above 1 / sqrt(1 - beta2), so that it limits no gradient: a new
- * primitive starts without moments, and at first its gradients are far above
- * their root mean square. */
-static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
 
 saga_flat_options saga_flat_defaults(void)
 {
@@ -87,7 +80,9 @@ static bool make_pictures(saga_flat *f, saga_error *error)
     if (!saga_pictures_canvas(&f->canvas, f->pictures, error))
         return false;
     f->canvas.rules.detach_time = 1;
-    return true;
+    if (f->o.gpu && !f->o.given)
+        f->gpu = saga_gpu_canvas_new(f->o.gpu, f->pictures, error);
+    return f->gpu || !f->o.gpu || f->o.given;
 }
 
 /* Returns the geometric mean of the depth ranges, in half-cubes. */
@@ -196,21 +191,12 @@ void saga_flat_free(saga_flat *f)
     if (!f)
         return;
     saga_flat_free_set(f);
+    saga_gpu_canvas_free(f->gpu);
     saga_canvas_free(&f->canvas);
     free(f);
 }
 
 /* --- One iteration ------------------------------------------------------- */
-
-/* Returns the learning rate, which changes from the first to the last value
- * exponentially. */
-static real rate_at(const saga_flat *f, int attr)
-{
-    const saga_flat_rule *const r = &f->rule[attr];
-    const double k = (double)f->iteration / f->o.n_iterations;
-
-    return (real)(r->rate * pow(r->rate_end / r->rate, k));
-}
 
 /* Rotates the gradients of the means into the axes of their primitives, and
  * notes what keep_path needs. Steps of means follow the primitive's size along
@@ -346,7 +332,7 @@ static size_t list_tensors(saga_adam_tensor list[SAGA_N_ATTRS + 1],
                                             .m = f->m.of[a],
                                             .v = f->v.of[a],
                                             .n = (size_t)k->width * f->n,
-                                            .rate = rate_at(f, a) };
+                                            .rate = saga_flat_rate(f, a) };
     }
     /* The mean is the first tensor of the list. */
     list[n] = list[0];
@@ -367,7 +353,8 @@ static bool update(saga_flat *f, double mse, saga_error *error)
                                  .n = saga_n_parts(f->n, PART),
                                  .ns = (double)TURN_NS * f->n });
     n = list_tensors(tensors, f);
-    if (!saga_adam_update(&adam, tensors, n, (uint64_t)f->iteration + 1, error))
+    if (!saga_adam_update(saga_flat_adam(), tensors, n,
+                          (uint64_t)f->iteration + 1, error))
         return false;
     settle(f, mse);
     return true;
@@ -381,6 +368,19 @@ static void clear_gradients(saga_flat *f)
     saga_clear(all, n);
 }
 
+/* Fails if the error of a picture is not finite. */
+static bool check(const saga_flat *f, double mse, saga_sample sample,
+                  saga_error *error)
+{
+    return (mse >= 0 && mse < INFINITY) ||
+           saga_fail(error, NULL, "try another --seed, and report this error",
+                     "picture of view %s is not finite at iteration %d",
+                     saga_novel_is(f->pictures, sample)
+                         ? "of a teacher"
+                         : f->pictures->capture->views[sample.view].name,
+                     f->iteration);
+}
+
 /* Sets the gradients of a picture's error, and adds to the statistics. */
 static bool look(saga_flat *f, double *mse, saga_sample sample,
                  saga_error *error)
@@ -392,13 +392,18 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
         !saga_splat_learn(&l, &f->canvas, &f->value, f->n, error))
         return false;
     *mse = l.mse;
-    return (*mse >= 0 && *mse < INFINITY) ||
-           saga_fail(error, NULL, "try another --seed, and report this error",
-                     "picture of view %s is not finite at iteration %d",
-                     saga_novel_is(f->pictures, sample)
-                         ? "of a teacher"
-                         : f->pictures->capture->views[sample.view].name,
-                     f->iteration);
+    return check(f, *mse, sample, error);
+}
+
+/* The set comes back after the last iteration, and the device's memory is
+ * needed by what follows. */
+static bool end_away(saga_flat *f, saga_error *error)
+{
+    if (!saga_flat_bring(f, error))
+        return false;
+    saga_gpu_canvas_free(f->gpu);
+    f->gpu = NULL;
+    return true;
 }
 
 bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
@@ -410,13 +415,15 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
     sample.mip = saga_flat_mip_at(f, f->iteration);
     /* The number of primitives changes first, because this needs the statistics
      * of earlier iterations, and the gradients below belong to the new set. */
-    if (!saga_flat_change_count(f, error) || !look(f, mse, sample, error) ||
-        !update(f, *mse, error))
+    if (!saga_flat_change_count(f, error) ||
+        !(f->gpu ? saga_flat_step_away(f, mse, sample, error) &&
+                       check(f, *mse, sample, error)
+                 : look(f, mse, sample, error) && update(f, *mse, error)))
         return false;
     if (saga_novel_is(f->pictures, sample))
         *mse = 0;
     f->iteration++;
-    return true;
+    return f->iteration < f->o.n_iterations || end_away(f, error);
 }
 
 bool saga_flat_render(saga_flat *f, real *image, double *mse,
@@ -425,7 +432,7 @@ bool saga_flat_render(saga_flat *f, real *image, double *mse,
     const real *const from = f->canvas.image;
     const saga_splat_camera *const c = &f->canvas.camera;
 
-    if (!saga_flat_draw(f, sample, error))
+    if (!saga_flat_bring(f, error) || !saga_flat_draw(f, sample, error))
         return false;
     for (int i = 0; image && i < 3 * c->width * c->height; i++)
         image[i] = saga_clamp(from[i], 0, 1);

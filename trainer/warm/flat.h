@@ -15,6 +15,7 @@
 #define SAGA_FLAT_H
 
 #include "checkpoint.h"
+#include "compute.h"
 #include "pictures.h"
 #include "splat.h"
 
@@ -30,6 +31,8 @@ typedef struct saga_flat_options {
                     * n_primitives */
     real coarse;   /* part of the iterations with reduced
                     * pictures */
+    saga_gpu *gpu; /* the device that computes, or NULL: the processor; must
+                    * outlive the set */
     const saga_splat_params *given; /* NULL, or n_primitives primitives in the
                                      * capture's units, without temporal
                                      * members, which replace the warm-up */

@@ -465,20 +465,32 @@ void saga_flat_aim(saga_flat *f, uint32_t n_primitives)
 bool saga_flat_leave(saga_flat *f, double left, saga_error *error)
 {
     f->iteration = f->o.n_iterations - (int)(left * f->o.n_iterations);
+    if (!saga_flat_bring(f, error))
+        return false;
     return f->n <= f->o.n_primitives || reduce(f, f->o.n_primitives, error);
+}
+
+static bool is_round(const saga_flat *f)
+{
+    return f->iteration > 0 && f->iteration % round_length(f) == 0;
 }
 
 bool saga_flat_change_count(saga_flat *f, saga_error *error)
 {
     const int n = f->o.n_iterations, at = f->iteration;
-    bool ok = true;
+    bool is_due = is_round(f), ok;
 
+    for (int k = 0; k < N_PRUNES; k++)
+        is_due = is_due || at == iteration_of_prune(f, k);
+    if (!is_due)
+        return true;
+    ok = saga_flat_bring(f, error);
     for (int k = 0; k < N_PRUNES && ok; k++)
         if (at == iteration_of_prune(f, k))
             ok = prune(f, k, error);
     /* Rounds continue after growth has ended, because prunes need recent
      * statistics. */
-    if (!ok || at == 0 || at % round_length(f))
+    if (!ok || !is_round(f))
         return ok;
     if (at <= GROW_END * n)
         ok = grow(f, error);

@@ -278,9 +278,29 @@ int saga_flat_mip_at(const saga_flat *f, int iteration)
     return mips - (int)(iteration * mips / coarse);
 }
 
+real saga_flat_rate(const saga_flat *f, int attr)
+{
+    const saga_flat_rule *const r = &f->rule[attr];
+    const double k = (double)f->iteration / f->o.n_iterations;
+
+    return (real)(r->rate * pow(r->rate_end / r->rate, k));
+}
+
+/* beta1, beta2, eps, and `most`, the limit of a gradient in root mean squares.
+ * most is above 1 / sqrt(1 - beta2), so that it limits no gradient: a new
+ * primitive starts without moments, and at first its gradients are far above
+ * their root mean square. */
+static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
+
+const saga_adam *saga_flat_adam(void)
+{
+    return &adam;
+}
+
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
 {
     saga_pictures_aim(&f->canvas, f->pictures, sample);
     saga_pictures_truth(&f->canvas, f->pictures, sample);
-    return saga_splat_forward(&f->canvas, &f->value, f->n, error);
+    return f->gpu ? saga_gpu_draw(f->gpu, &f->canvas, &f->value, f->n, error)
+                  : saga_splat_forward(&f->canvas, &f->value, f->n, error);
 }

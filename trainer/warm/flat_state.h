@@ -5,7 +5,9 @@
 #ifndef SAGA_FLAT_STATE_H
 #define SAGA_FLAT_STATE_H
 
+#include "adam.h"
 #include "flat.h"
+#include "gpu_splat.h"
 
 /* Streams of random numbers (rng.h); counters are iterations or draws. */
 enum {
@@ -46,6 +48,9 @@ struct saga_flat {
     int iteration;
 
     saga_canvas canvas;
+    saga_gpu_canvas *gpu; /* NULL: the processor computes */
+    bool is_away;         /* the device has newer values, moments and
+                           * statistics */
 };
 
 /* A sight: the place in the scene that a pixel shows, and when it is
@@ -80,8 +85,19 @@ void saga_flat_keep_path(saga_flat *f, size_t i, saga_flat_moment was);
 void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 /* Sets axes to the unit vectors of log2_scale[0], [1] and [2]. */
 void saga_flat_axes(real axes[3][3], const real *quat);
+/* Returns the learning rate, which changes from the first to the last value
+ * exponentially; and Adam's constants. */
+real saga_flat_rate(const saga_flat *f, int attr);
+const saga_adam *saga_flat_adam(void);
 /* Draws a picture into the canvas's image, and sets its truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
+
+/* flat_gpu.c */
+/* Copies the set back from the device, if it is newer there. */
+bool saga_flat_bring(saga_flat *f, saga_error *error);
+/* Does the look and the step of an iteration on the device. */
+bool saga_flat_step_away(saga_flat *f, double *mse, saga_sample sample,
+                         saga_error *error);
 
 /* flat_sight.c */
 /* Sets *s from a pixel. Returns false if the depth is a guess; the rest of *s

@@ -80,7 +80,9 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_pictures *pictures,
     f->scene = scene;
     f->pictures = pictures;
     f->o = *options;
-    if (begin_fit(f, error))
+    if (f->o.gpu)
+        f->gpu = saga_gpu_canvas_new(f->o.gpu, pictures, error);
+    if ((f->gpu || !f->o.gpu) && begin_fit(f, error))
         return f;
     saga_fit_free(f);
     return NULL;
@@ -93,6 +95,7 @@ void saga_fit_free(saga_fit *f)
     saga_twin_free(&f->twin);
     saga_rate_free(&f->rate);
     saga_scene_free(&f->grad);
+    saga_gpu_canvas_free(f->gpu);
     saga_canvas_free(&f->canvas);
     free(f->feature);
     free(f->position);
@@ -267,10 +270,13 @@ static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
     saga_splat_learning l = { .d = f->twin.d_attr };
     saga_canvas *const c = &f->canvas;
 
-    if (!saga_novel_show(c, f->pictures, picture, error))
+    if (!(f->gpu ? saga_gpu_show(f->gpu, c, picture, error)
+                 : saga_novel_show(c, f->pictures, picture, error)))
         return false;
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
-    if (!saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error))
+    if (!(f->gpu
+              ? saga_gpu_learn(f->gpu, &l, c, &f->twin.attr, n_drawn(f), error)
+              : saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error)))
         return false;
     *mse = saga_novel_is(f->pictures, picture) ? 0 : l.mse;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);

@@ -37,6 +37,7 @@
 #define SAGA_FIT_H
 
 #include "checkpoint.h"
+#include "compute.h"
 #include "pictures.h"
 #include "policy.h"
 #include "rate_choice.h"
@@ -55,6 +56,8 @@ typedef struct saga_fit_networks {
 typedef struct saga_fit_options {
     int n_render; /* number of iterations */
     uint64_t seed;
+    saga_gpu *gpu; /* the device that draws pictures and differentiates them,
+                    * or NULL: the processor; must outlive the fit */
     saga_prices price;
     bool raw_networks; /* for experiments: weights have no price, and
                         * their step stays 2^-SAGA_RAW_STEP */

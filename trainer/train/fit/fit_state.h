@@ -6,6 +6,7 @@
 #define SAGA_FIT_STATE_H
 
 #include "fit.h"
+#include "gpu_splat.h"
 
 /* The state of the optimisers. */
 typedef struct saga_descent {
@@ -35,6 +36,7 @@ struct saga_fit {
     real *params;         /* weights with noise, or rounded */
     saga_weights weights; /* steps of the weights */
     saga_canvas canvas;
+    saga_gpu_canvas *gpu; /* NULL: the processor draws */
     saga_rate rate;
     double bits[SAGA_N_STEPS]; /* bits of each kind of step, at the last
                                 * iteration */

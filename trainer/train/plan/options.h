@@ -7,6 +7,7 @@
 #ifndef SAGA_OPTIONS_H
 #define SAGA_OPTIONS_H
 
+#include "compute.h"
 #include "ablation.h"
 #include "capture.h"
 #include "error.h"
@@ -65,6 +66,8 @@ typedef struct saga_train_options {
                         * and its rendering stage has the part
                         * `shorter` of the iterations */
     double shorter;    /* 0..1 */
+    saga_gpu *gpu;     /* the device that computes, or NULL: the processor; must
+                        * outlive the training */
     const saga_splat_params *given; /* NULL, or n_primitives primitives of a
                                      * still, in the capture's units, that
                                      * replace the warm-up's; then lambda > 0 */

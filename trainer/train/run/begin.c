@@ -158,6 +158,7 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
     f->n_iterations = t->o.n_warm;
     f->seed = t->o.seed;
     f->given = t->o.given;
+    f->gpu = t->o.gpu;
     saga_train_set_flat(t);
     return true;
 }

@@ -202,6 +202,7 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
     saga_fit_options o = { .n_render = t->o.n_render,
                            .seed = t->o.seed,
+                           .gpu = t->o.gpu,
                            .raw_networks = t->ablation.raw_networks,
                            .keep_sources = t->o.paper,
                            .given = t->packed.file.encoder

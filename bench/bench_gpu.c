@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The time of an iteration on a GPU, if there is one: of the warm-up, and of
+ * the picture in the rendering stage, with the times of the kernels. Processors
+ * that take the place of a GPU are left out.
+ */
+#include "bench_capture.h"
+#include "bench_table.h"
+#include "clock.h"
+#include "flat_state.h"
+#include "freed.h"
+#include "gpu_splat.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FIRST = 20, N_RUNS = 60 };
+
+/* The clock's time, since the device computes, not this thread. */
+static double now_ms(void)
+{
+    return 1e3 * saga_clock_seconds();
+}
+
+static void fail(const saga_error *e)
+{
+    fprintf(stderr, "bench_table: %s\n", e->message);
+    exit(1);
+}
+
+static void add_row(bench_times *t, const char *name, int n, int width,
+                    int height)
+{
+    char all[56];
+    bench_row *r;
+
+    snprintf(all, sizeof all, "GPU %s, %dx%d", name, width, height);
+    r = bench_row_add(all, t);
+    r->count = n;
+    r->each = "a primitive";
+}
+
+/* Tells the time of each kernel in an iteration. */
+static void print_kernels(saga_gpu *gpu)
+{
+    for (int k = 0; k < SAGA_N_KERNELS; k++) {
+        uint64_t n;
+        const double s = saga_gpu_seconds(gpu, k, &n);
+
+        printf("    %-12s %6.3f ms in %.1f runs\n", saga_gpu_kernels[k].name,
+               1e3 * s / N_RUNS, (double)n / N_RUNS);
+    }
+}
+
+static void time_warm_up(saga_flat *f, int n, int width, int height)
+{
+    bench_times t = { 0 };
+    saga_error e = { "" };
+    double mse;
+
+    for (int i = 0; i < FIRST + N_RUNS; i++) {
+        const double start = now_ms();
+
+        if (i == FIRST)
+            saga_gpu_time(f->o.gpu, true);
+        if (!saga_flat_iterate(f, &mse, &e))
+            fail(&e);
+        if (i >= FIRST)
+            bench_add(&t, now_ms() - start);
+    }
+    add_row(&t, "warm-up", n, width, height);
+    printf("  warm-up, %d primitives, %dx%d on %s\n", n, width, height,
+           saga_gpu_is(f->o.gpu)->name);
+    print_kernels(f->o.gpu);
+    saga_gpu_time(f->o.gpu, false);
+}
+
+/* Times a picture of the rendering stage, with primitives of the host. */
+static void time_picture(saga_flat *f, int n, int width, int height)
+{
+    const saga_sample sample = { f->pictures->train[0], 1, 0 };
+    saga_splat_learning l = { .d = f->grad };
+    bench_times t = { 0 };
+    saga_error e = { "" };
+
+    if (!saga_flat_bring(f, &e))
+        fail(&e);
+    for (int i = 0; i < FIRST + N_RUNS; i++) {
+        const double start = now_ms();
+
+        if (!saga_gpu_show(f->gpu, &f->canvas, sample, &e) ||
+            !saga_gpu_learn(f->gpu, &l, &f->canvas, &f->value, f->n, &e))
+            fail(&e);
+        if (i >= FIRST)
+            bench_add(&t, now_ms() - start);
+    }
+    add_row(&t, "picture", n, width, height);
+}
+
+static void time_size(saga_gpu *gpu, int n, int width, int height)
+{
+    FREED_BY(saga_capture_free)
+    saga_capture c = bench_capture(width, height);
+    saga_flat_options o = saga_flat_defaults();
+    saga_error e = { "" };
+    saga_pictures p;
+    saga_flat *f;
+
+    o.n_primitives = (uint32_t)n;
+    o.n_iterations = 40000; /* so that their number does not change here */
+    o.coarse = 0;
+    o.gpu = gpu;
+    if (!saga_pictures_init(&p, &c, &e) || !(f = saga_flat_new(&p, &o, &e)))
+        fail(&e);
+    time_warm_up(f, n, width, height);
+    time_picture(f, n, width, height);
+    saga_flat_free(f);
+    saga_pictures_free(&p);
+}
+
+void bench_gpu(void)
+{
+    saga_gpu_info list[8];
+    saga_error e = { "" };
+    const int n = saga_gpu_list(list, 8, &e);
+
+    for (int i = 0; i < n && i < 8; i++) {
+        saga_gpu *gpu;
+
+        if (list[i].lacks || !strcmp(list[i].kind, "cpu"))
+            continue;
+        gpu = saga_gpu_open(i, &e);
+        if (!gpu)
+            fail(&e);
+        time_size(gpu, 15000, 480, 270);
+        time_size(gpu, 100000, 1352, 1014);
+        saga_gpu_close(gpu);
+        return;
+    }
+    printf("no GPU: its rows are left out\n");
+}

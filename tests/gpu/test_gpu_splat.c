@@ -1,0 +1,288 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The kernels against the host's float, whose gradients are tested against
+ * finite differences in double (test_splat_gradient_f64). Both round, in
+ * different orders: pictures may differ by 1e-5 and gradients by 1e-4 of the
+ * tensor's largest magnitude. SAGA_TEST_GPU is the number of the device; the
+ * first one is the default. Without a device the tests are skipped.
+ */
+#include "flat_state.h"
+#include "gpu_splat.h"
+#include "splat_scene.h"
+#include "testing.h"
+#include "tiny_training.h"
+
+enum { W = 90, H = 52, VIEWS = 5, FRAMES = 4 };
+
+/* --- A device and a small capture ---------------------------------------- */
+
+typedef struct {
+    saga_gpu *gpu;
+    saga_capture capture;
+    saga_pictures pictures;
+} world;
+
+static int set_up(void **state)
+{
+    const char *const number = getenv("SAGA_TEST_GPU");
+    saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
+    saga_error none = { "" };
+    world *const w = calloc(1, sizeof *w);
+
+    w->gpu = saga_gpu_open(number ? atoi(number) : 0, &none);
+    if (!w->gpu)
+        print_message("skipped: %s\n", none.message);
+    else
+        print_message("on %s\n", saga_gpu_is(w->gpu)->name);
+    s.depth_every = 1;
+    w->capture = tiny_capture(&s);
+    assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));
+    *state = w;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    world *const w = *state;
+
+    saga_gpu_close(w->gpu);
+    saga_pictures_free(&w->pictures);
+    saga_capture_free(&w->capture);
+    free(w);
+    return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+static world *world_of(void **state)
+{
+    world *const w = *state;
+
+    if (!w->gpu)
+        skip();
+    return w;
+}
+
+/* --- A pass -------------------------------------------------------------- */
+
+/* Changes the scene of a case. */
+typedef void change(fixture *f);
+
+static void leave_it(fixture *f)
+{
+    (void)f;
+}
+
+/* Thin in one axis, long in another. */
+static void make_needles(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i++) {
+        f->p.log2_scale[3 * i] = -12;
+        f->p.log2_scale[3 * i + 1] = -1;
+    }
+}
+
+/* Half of them behind the camera or at its plane. */
+static void move_behind(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i += 2)
+        f->p.mean[3 * i + 2] -= 4 - R(1e-3) * R(i % 3);
+}
+
+/* All on one tile, and smaller than a pixel. */
+static void gather_all(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i++) {
+        f->p.mean[3 * i] = R(0.01) * R(i % 7);
+        f->p.mean[3 * i + 1] = R(0.01) * R(i % 5);
+        for (size_t a = 0; a < 3; a++)
+            f->p.log2_scale[3 * i + a] = -9 + R(0.5) * R(a);
+        f->p.opacity[i] = -4;
+    }
+}
+
+/* Each covers the whole picture: many records for each. */
+static void make_large(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i++) {
+        f->p.opacity[i] = -3;
+        for (size_t a = 0; a < 3; a++)
+            f->p.log2_scale[3 * i + a] = 3 + R(0.1) * R(a);
+    }
+}
+
+static void hide_all(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i++)
+        f->p.opacity[i] = -9;
+}
+
+/* Ages and widths at their limits. */
+static void hurry(fixture *f)
+{
+    for (size_t i = 0; i < f->n; i++) {
+        f->p.log2_width[i] = i % 2 ? -4 : 3;
+        f->p.t_centre[i] = R(0.5) + R(0.001) * R(i % 400);
+        for (size_t a = 0; a < 9; a++)
+            f->p.motion[9 * i + a] *= 4;
+    }
+}
+
+static void steepen(fixture *f)
+{
+    f->c.rules.square = R(0.5);
+}
+
+static void detach(fixture *f)
+{
+    f->c.rules.detach_time = 1;
+}
+
+static const struct {
+    const char *name;
+    size_t n;
+    double px;
+    change *change;
+} cases[] = { { "few", 3, 4, leave_it },
+              { "many", 3000, 2, leave_it },
+              { "odd_number", 1025, 3, leave_it },
+              { "one", 1, 8, leave_it },
+              { "needles", 500, 4, make_needles },
+              { "behind", 800, 4, move_behind },
+              { "one_tile", 30000, 1, gather_all },
+              { "large", 300, 1, make_large },
+              { "nothing_visible", 100, 3, hide_all },
+              { "fast", 2000, 3, hurry },
+              { "steep", 1000, 3, steepen },
+              { "detached", 1000, 3, detach } };
+
+static double largest(const real *x, size_t n)
+{
+    double most = 0;
+
+    for (size_t i = 0; i < n; i++)
+        most = fmax(most, fabs((double)x[i]));
+    return most;
+}
+
+/* Returns whether x is within `part` of the largest magnitude of y. */
+static bool is_near(const char *scene, const char *of, const real *x,
+                    const real *y, size_t n, double part)
+{
+    const double most = largest(y, n);
+    double worst = 0;
+
+    for (size_t i = 0; i < n; i++)
+        worst = fmax(worst, fabs((double)x[i] - (double)y[i]));
+    if (worst <= part * most)
+        return true;
+    print_error("%s, %s: differs by %g of %g\n", scene, of, worst, most);
+    return false;
+}
+
+static bool agree(const world *w, fixture *f, const char *name)
+{
+    const saga_sample sample = { w->pictures.train[1], 2, 0 };
+    FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
+    saga_splat_learning on_host = { .d = f->d }, on_gpu = { .d = other };
+    saga_gpu_canvas *g;
+    const saga_splat_camera camera = f->c.camera;
+    const size_t plane = 3 * f->plane;
+    real *const image = malloc(plane * sizeof *image);
+    bool ok;
+
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_show(g, &f->c, sample, &error));
+    saga_pictures_truth(&f->c, &w->pictures, sample);
+    f->c.camera = camera;
+    f->c.t = R(0.5);
+    f->c.still = NULL;
+    assert_done(
+        saga_gpu_learn(g, &on_gpu, &f->c, &f->p, (uint32_t)f->n, &error));
+    assert_done(
+        saga_splat_learn(&on_host, &f->c, &f->p, (uint32_t)f->n, &error));
+    assert_done(saga_gpu_draw(g, &f->c, &f->p, (uint32_t)f->n, &error));
+    memcpy(image, f->c.image, plane * sizeof *image);
+    assert_done(saga_splat_forward(&f->c, &f->p, (uint32_t)f->n, &error));
+    ok = is_near(name, "picture", image, f->c.image, plane, 1e-5);
+    ok = is_near(name, "error", &(real){ R(on_gpu.mse) },
+                 &(real){ R(on_host.mse) }, 1, 1e-5) &&
+         ok;
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        ok = is_near(name, saga_attributes[a].name, other.of[a], f->d.of[a],
+                     f->n * (size_t)saga_attributes[a].width, 1e-4) &&
+             ok;
+    free(image);
+    saga_gpu_canvas_free(g);
+    return ok;
+}
+
+TEST(a_pass_should_agree_with_the_host)
+{
+    const world *const w = world_of(state);
+    bool ok = true;
+
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        fixture *const f = new_fixture(cases[i].n, W, H, 7 + i, cases[i].px);
+
+        cases[i].change(f);
+        ok = agree(w, f, cases[i].name) && ok;
+        free_fixture(f);
+    }
+    assert_true(ok);
+}
+
+/* --- Trainings ----------------------------------------------------------- */
+
+static double train(saga_flat **f, const world *w, saga_gpu *gpu,
+                    int iterations)
+{
+    saga_flat_options o = saga_flat_defaults();
+    double mse, sum = 0;
+
+    o.n_primitives = 400;
+    o.n_iterations = iterations;
+    o.gpu = gpu;
+    assert_done(*f = saga_flat_new(&w->pictures, &o, &error));
+    for (int i = 0; i < iterations; i++) {
+        assert_done(saga_flat_iterate(*f, &mse, &error));
+        sum += i >= iterations - 20 ? mse / 20 : 0;
+    }
+    return sum;
+}
+
+/* One step from the same state changes all values alike: Adam's first steps
+ * have the gradient's sign, so values differ where it is nearly 0; means of
+ * differences show what is wrong. */
+TEST(a_training_should_fit_as_on_the_host)
+{
+    const world *const w = world_of(state);
+    saga_flat *a, *b;
+    const double on_gpu = train(&a, w, w->gpu, 200);
+    const double on_host = train(&b, w, NULL, 200);
+
+    print_message("mean squared errors: %g on the device, %g on the host\n",
+                  on_gpu, on_host);
+    assert_int_equal(a->n, b->n);
+    /* 0.4 dB */
+    assert_true(fabs(log(on_gpu / on_host)) < 0.1);
+    saga_flat_free(a);
+    saga_flat_free(b);
+}
+
+TEST(two_trainings_should_be_the_same_bits)
+{
+    const world *const w = world_of(state);
+    saga_flat *a, *b;
+
+    train(&a, w, w->gpu, 60);
+    train(&b, w, w->gpu, 60);
+    assert_int_equal(a->n, b->n);
+    for (int k = 0; k < SAGA_N_ATTRS; k++)
+        if (a->value.of[k])
+            assert_memory_equal(a->value.of[k], b->value.of[k],
+                                (size_t)saga_attributes[k].width * a->n *
+                                    sizeof(real));
+    saga_flat_free(a);
+    saga_flat_free(b);
+}

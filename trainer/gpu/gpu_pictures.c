@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Training pictures on the device. A picture is copied there when it is first
+ * visited. If not all fit, the oldest gives its place to the next one.
+ */
+#include "gpu_state.h"
+
+#include "alloc.h"
+#include "novel.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Slots are in chunks of about this size, and take at most one part in
+ * CACHE_PART of the device's memory; of a processor's, which is the host's own,
+ * at most CPU_NBYTES. */
+enum { CHUNK_NBYTES = 256 << 20, CACHE_PART = 2, CPU_NBYTES = 64 << 20 };
+
+static size_t largest_nbytes(const saga_capture *c)
+{
+    size_t most = 0;
+
+    for (int v = 0; v < c->n_views; v++) {
+        const size_t n = saga_view_frame_nbytes(c->views + v);
+
+        most = n > most ? n : most;
+    }
+    /* Copies are of whole words. */
+    return (most + 3) / 4 * 4;
+}
+
+bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
+{
+    const saga_capture *const c = g->pictures->capture;
+    const saga_gpu_info *const is = saga_gpu_is(g->gpu);
+    saga_gpu_cache *const k = &g->cache;
+    const size_t n = (size_t)c->n_views * (size_t)c->n_frames;
+    const size_t pixels = saga_pictures_largest(g->pictures);
+    const size_t room = strcmp(is->kind, "cpu") == 0 ? CPU_NBYTES
+                                                     : is->memory / CACHE_PART;
+
+    k->each = largest_nbytes(c);
+    k->per_chunk = CHUNK_NBYTES / k->each > 0 ? CHUNK_NBYTES / k->each : 1;
+    k->n_slots = (uint32_t)(room / k->each < n ? room / k->each : n);
+    if (k->n_slots == 0)
+        k->n_slots = 1;
+    k->slot_of = saga_calloc(n, sizeof *k->slot_of, "the GPU", error);
+    k->picture_in = saga_calloc(k->n_slots, sizeof *k->picture_in, "the GPU",
+                                error);
+    k->chunk = saga_calloc(saga_n_parts(k->n_slots, k->per_chunk),
+                           sizeof *k->chunk, "the GPU", error);
+    return k->slot_of && k->picture_in && k->chunk &&
+           saga_gpu_alloc(&g->up_picture, g->gpu,
+                          3 * pixels * sizeof(real) > k->each
+                              ? 3 * pixels * sizeof(real)
+                              : k->each,
+                          SAGA_GPU_UP, "a picture", error) &&
+           saga_gpu_room(g, GPU_STORED, k->each, "a picture", error) &&
+           saga_gpu_room(g, GPU_TRUTH, 3 * pixels * sizeof(real), "a picture",
+                         error) &&
+           saga_gpu_room(g, GPU_IMAGE, 3 * pixels * sizeof(real), "a picture",
+                         error);
+}
+
+void saga_gpu_end_pictures(saga_gpu_canvas *g)
+{
+    for (int i = 0; i < g->cache.n_chunks; i++)
+        saga_gpu_free(g->cache.chunk + i, g->gpu);
+    free(g->cache.chunk);
+    free(g->cache.slot_of);
+    free(g->cache.picture_in);
+}
+
+/* Sets *slot to a free slot, or to the one that is replaced next. */
+static bool take_slot(uint32_t *slot, saga_gpu_canvas *g, saga_error *error)
+{
+    saga_gpu_cache *const k = &g->cache;
+    const uint32_t chunk = k->n_used / (uint32_t)k->per_chunk;
+
+    if (k->n_used == k->n_slots) {
+        *slot = k->next;
+        k->next = (k->next + 1) % k->n_slots;
+        k->slot_of[k->picture_in[*slot]] = 0;
+        return true;
+    }
+    if ((int)chunk == k->n_chunks) {
+        if (!saga_gpu_alloc(k->chunk + chunk, g->gpu, k->per_chunk * k->each,
+                            SAGA_GPU_LOCAL, "pictures", error))
+            return false;
+        k->n_chunks++;
+    }
+    *slot = k->n_used++;
+    return true;
+}
+
+static bool show_stored(saga_gpu_canvas *g, saga_sample sample,
+                        saga_error *error)
+{
+    const saga_capture *const c = g->pictures->capture;
+    const size_t picture = (size_t)sample.view * (size_t)c->n_frames +
+                           (size_t)sample.frame;
+    uint32_t *const at = g->cache.slot_of + picture;
+
+    g->is_stored = true;
+    g->is_new = *at == 0;
+    if (g->is_new) {
+        if (!take_slot(&g->slot, g, error))
+            return false;
+        memcpy(g->up_picture.map,
+               saga_capture_frame(c, sample.view, sample.frame),
+               saga_view_frame_nbytes(c->views + sample.view));
+        g->cache.picture_in[g->slot] = (uint32_t)picture;
+        *at = g->slot + 1;
+    }
+    g->slot = *at - 1;
+    g->frame.side = 1u << sample.mip;
+    g->frame.stride = (uint32_t)saga_view_row_nbytes(c->views + sample.view);
+    for (size_t i = 0; i < 3; i++)
+        g->frame.exposure[i] =
+            (float)g->pictures->exposure[3 * (size_t)sample.view + i];
+    return true;
+}
+
+bool saga_gpu_show(saga_gpu_canvas *g, saga_canvas *canvas, saga_sample sample,
+                   saga_error *error)
+{
+    const saga_pictures *const p = g->pictures;
+
+    if (!saga_novel_is(p, sample) &&
+        !saga_capture_mask(p->capture, sample.view, sample.frame)) {
+        saga_pictures_aim(canvas, p, sample);
+        canvas->n_unseen = 0;
+        return show_stored(g, sample, error);
+    }
+    /* The host makes what teachers draw, and pictures with masks. */
+    if (!saga_novel_show(canvas, p, sample, error))
+        return false;
+    g->is_stored = g->is_new = false;
+    memcpy(g->up_picture.map, canvas->truth,
+           3 * (size_t)canvas->camera.width * (size_t)canvas->camera.height *
+               sizeof *canvas->truth);
+    return true;
+}
+
+void saga_gpu_record_truth(saga_gpu_canvas *g)
+{
+    const saga_gpu_cache *const k = &g->cache;
+    const size_t pixels = (size_t)g->frame.width * g->frame.height;
+    const saga_gpu_buffer *const chunk = k->chunk + g->slot / k->per_chunk;
+    const size_t at = g->slot % k->per_chunk * k->each;
+
+    if (!g->is_stored) {
+        saga_gpu_copy(g->gpu, &g->on[GPU_TRUTH], 0, &g->up_picture, 0,
+                      3 * pixels * sizeof(float));
+        return;
+    }
+    if (g->is_new)
+        saga_gpu_copy(g->gpu, chunk, at, &g->up_picture, 0, k->each);
+    saga_gpu_copy(g->gpu, &g->on[GPU_STORED], 0, chunk, at, k->each);
+    saga_gpu_do(g, SAGA_KERNEL_TRUTH, saga_gpu_groups(pixels),
+                (int[]){ GPU_FRAME, GPU_STORED, GPU_TRUTH, -1 });
+}

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The buffers of a canvas on the device, and kernels that have them.
+ */
+#include "gpu_state.h"
+
+bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *of,
+                   saga_error *error)
+{
+    if (nbytes > saga_gpu_most(g->gpu))
+        return saga_fail(error, NULL,
+                         "use fewer --primitives, a smaller --scale, or "
+                         "--device cpu",
+                         "%s need a buffer of %zu MiB, and the GPU (%s) can "
+                         "have %zu",
+                         of, nbytes >> 20, saga_gpu_is(g->gpu)->name,
+                         saga_gpu_most(g->gpu) >> 20);
+    /* A quarter more, as for the host (canvas.h). No buffer is empty, since
+     * kernels bind all. */
+    return (g->on[b].buffer && g->on[b].nbytes >= nbytes) ||
+           saga_gpu_grow(&g->on[b], g->gpu,
+                         nbytes + nbytes / 4 < saga_gpu_most(g->gpu)
+                             ? nbytes + nbytes / 4
+                             : nbytes,
+                         SAGA_GPU_LOCAL, of, error);
+}
+
+void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
+                      const int *buffers, const uint32_t *push, size_t n_push)
+{
+    saga_gpu_job job = { .kernel = kernel,
+                         .push = push,
+                         .push_nbytes = n_push * sizeof *push,
+                         .n_groups = (uint32_t)n_groups };
+
+    for (int i = 0; buffers[i] >= 0; i++)
+        job.buffer[i] = &g->on[buffers[i]];
+    saga_gpu_run(g->gpu, &job);
+}
+
+void saga_gpu_do(saga_gpu_canvas *g, int kernel, size_t n_groups,
+                 const int *buffers)
+{
+    saga_gpu_do_with(g, kernel, n_groups, buffers, NULL, 0);
+}

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inside of the canvas on a device, shared by gpu_*.c.
+ */
+#ifndef SAGA_GPU_STATE_H
+#define SAGA_GPU_STATE_H
+
+#include "gpu_frame.h"
+#include "gpu_splat.h"
+
+/* The buffers on the device. N: primitives, P: room for pairs; other sizes are
+ * in kernels/. */
+enum {
+    GPU_FRAME,
+    GPU_TOTAL,
+    GPU_VALUE, /* attributes (N), gradients and moments likewise */
+    GPU_GRAD,
+    GPU_M,
+    GPU_V,
+    GPU_BACK,   /* attributes of the backdrop */
+    GPU_STAT,   /* (N, 3) grad2d, weight, seen */
+    GPU_WORTH,  /* (N) */
+    GPU_D_Q0,   /* (N) */
+    GPU_CARRY,  /* (N, 5) */
+    GPU_SIZES,  /* (groups) */
+    GPU_SPLAT,  /* (N, 12) */
+    GPU_COUNT,  /* (N) tiles */
+    GPU_OFFSET, /* (N) */
+    GPU_DEPTH,  /* (N) keys and their values, twice each for the sort */
+    GPU_DEPTH_2,
+    GPU_ORDER,
+    GPU_ORDER_2,
+    GPU_TILE, /* (P) */
+    GPU_TILE_2,
+    GPU_SLOT,
+    GPU_SLOT_2,
+    GPU_OWNER,   /* (P) */
+    GPU_RECORD,  /* (P, 10) */
+    GPU_DIGITS,  /* (16, blocks) counts of the sort */
+    GPU_SUMS,    /* (blocks + 1) of a scan */
+    GPU_RANGE,   /* (tiles, 2) */
+    GPU_SQUARES, /* (tiles) */
+    GPU_TRUTH,   /* a picture */
+    GPU_IMAGE,   /* a picture */
+    GPU_STORED,  /* a stored picture */
+    GPU_N_BUFFERS
+};
+
+/* Stored pictures on the device. */
+typedef struct saga_gpu_cache {
+    saga_gpu_buffer *chunk; /* (n_chunks) of equal size */
+    int n_chunks;
+    size_t each, per_chunk; /* bytes of a slot, slots of a chunk */
+    uint32_t n_slots;       /* that there may be */
+    uint32_t n_used, next;  /* slots in use; the one that is replaced next */
+    uint32_t *slot_of;      /* (views, frames) 1 + slot, or 0 */
+    uint32_t *picture_in;   /* (n_slots) its picture */
+} saga_gpu_cache;
+
+struct saga_gpu_canvas {
+    saga_gpu *gpu;
+    const saga_pictures *pictures;
+    saga_gpu_frame frame;
+    saga_gpu_buffer on[GPU_N_BUFFERS]; /* the device */
+    saga_gpu_buffer up_frame, up, up_back, up_picture, down;
+    size_t n_up; /* bytes of attributes in `up` for the next pass, or 0 */
+    uint32_t most_pairs;
+    uint32_t n_set; /* primitives that were put */
+    uint32_t attrs; /* and their attributes */
+    saga_gpu_cache cache;
+    /* The truth of the next picture. */
+    bool is_stored; /* of stored bytes; else of floats in up_picture */
+    bool is_new;    /* the bytes are in up_picture, for the slot */
+    uint32_t slot;
+};
+
+/* gpu_room.c */
+/* Makes buffer b at least nbytes large; if it grows, its content is lost. */
+bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *what,
+                   saga_error *error);
+/* Records a kernel, with n_push words of push constants or none; the list of
+ * buffers ends with -1. */
+void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
+                      const int *buffers, const uint32_t *push, size_t n_push);
+void saga_gpu_do(saga_gpu_canvas *g, int kernel, size_t n_groups,
+                 const int *buffers);
+
+/* gpu_pictures.c: makes the cache; and records the commands that set GPU_TRUTH.
+ */
+bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error);
+void saga_gpu_end_pictures(saga_gpu_canvas *g);
+void saga_gpu_record_truth(saga_gpu_canvas *g);
+
+/* gpu_splat.c, for gpu_flat.c. */
+/* Sets the frame for a pass over n primitives with these attributes. */
+void saga_gpu_set_frame(saga_gpu_canvas *g, const saga_canvas *c,
+                        uint32_t attrs, uint32_t n);
+/* Runs what record() records after the lists are made, and again with more room
+ * if that was short. `down` has the totals at its begin then. */
+bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
+                   void (*record)(saga_gpu_canvas *), saga_error *error);
+void saga_gpu_record_tiles(saga_gpu_canvas *g);
+void saga_gpu_record_back(saga_gpu_canvas *g);
+/* n_sizes: work groups that have left sums of sizes, or 0. */
+void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes);
+/* Returns the set of attributes that exist. */
+uint32_t saga_gpu_attrs(const saga_splat_params *p);
+/* Returns the reals of n primitives, and copies between arrays of the host and
+ * one block. */
+size_t saga_gpu_n_reals(uint32_t attrs, size_t n);
+void saga_gpu_pack(real *block, const saga_splat_params *p, uint32_t attrs,
+                   size_t n);
+
+static inline size_t saga_gpu_groups(size_t n)
+{
+    return (n + SAGA_GPU_THREADS - 1) / SAGA_GPU_THREADS;
+}
+
+static inline float saga_gpu_float(uint32_t bits)
+{
+    union {
+        uint32_t bits;
+        float value;
+    } u = { bits };
+
+    return u.value;
+}
+
+#endif

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The warm-up on a device. Its primitives stay there, and come back when their
+ * number changes, and at the end.
+ */
+#include "flat_state.h"
+
+static saga_gpu_set set_of(const saga_flat *f)
+{
+    return (saga_gpu_set){ .n = f->n,
+                           .value = f->value,
+                           .m = f->m,
+                           .v = f->v,
+                           .stats = f->stats,
+                           .worth = f->worth };
+}
+
+bool saga_flat_bring(saga_flat *f, saga_error *error)
+{
+    const saga_gpu_set set = set_of(f);
+
+    if (!f->is_away)
+        return true;
+    f->is_away = false;
+    return saga_gpu_get(f->gpu, &set, error);
+}
+
+static saga_gpu_rules rules_of(const saga_flat *f)
+{
+    const saga_adam *const a = saga_flat_adam();
+    saga_gpu_rules r = { .beta1 = a->beta1,
+                         .beta2 = a->beta2,
+                         .eps = a->eps,
+                         .most = a->most,
+                         .step = (uint64_t)f->iteration + 1 };
+
+    for (int i = 0; i < SAGA_N_ATTRS; i++) {
+        r.rate[i] = f->value.of[i] ? saga_flat_rate(f, i) : 0;
+        r.lo[i] = f->rule[i].lo;
+        r.hi[i] = f->rule[i].hi;
+    }
+    return r;
+}
+
+bool saga_flat_step_away(saga_flat *f, double *mse, saga_sample sample,
+                         saga_error *error)
+{
+    const saga_gpu_rules rules = rules_of(f);
+    const saga_gpu_set set = set_of(f);
+
+    if (!f->is_away && !saga_gpu_put(f->gpu, &set, error))
+        return false;
+    f->is_away = true;
+    return saga_gpu_show(f->gpu, &f->canvas, sample, error) &&
+           saga_gpu_step(f->gpu, mse, &f->canvas, &rules, error);
+}
