@@ -251,9 +251,8 @@ static double train(saga_flat **f, const world *w, saga_gpu *gpu,
     return sum;
 }
 
-/* One step from the same state changes all values alike: Adam's first steps
- * have the gradient's sign, so values differ where it is nearly 0; means of
- * differences show what is wrong. */
+/* Values drift apart, since Adam's first steps have the gradient's sign, also
+ * where it is nearly 0; the errors of the pictures must not. */
 TEST(a_training_should_fit_as_on_the_host)
 {
     const world *const w = world_of(state);

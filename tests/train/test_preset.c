@@ -121,8 +121,8 @@ TEST(minutes_should_be_those_measured)
 }
 
 /* The most anonymous memory (RssAnon) of trainings of rings and the room, with
- * the pictures in a scratch file. The forecast is a bound, and close to what
- * large trainings take. */
+ * the pictures in a scratch file. The forecast is close to what large trainings
+ * take, and above what small ones do. */
 TEST(memory_should_be_that_measured)
 {
     static const struct {

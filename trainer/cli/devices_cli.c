@@ -78,7 +78,7 @@ int saga_cli_open_device(saga_gpu **gpu, const char *name, const char *command)
     if (*gpu)
         saga_cli_error(0, "%s: device %d, %s, draws the pictures", command,
                        number, saga_gpu_is(*gpu)->name);
-    /* What was chosen for the user must not stop the training. */
+    /* A device that the user did not name must not stop the training. */
     if (!*gpu && is_auto)
         saga_cli_error(0, "%s: %s; the processor trains", command,
                        error.message);

@@ -435,13 +435,13 @@ int saga_encode_open(saga_encode_session *s)
         return status;
     if (s->o->finish)
         return write_early(s);
-    status = saga_encode_synchronise(s);
+    status = saga_cli_open_device(&s->gpu, s->o->device, "encode");
+    if (!status)
+        status = saga_encode_synchronise(s);
     if (!status)
         status = look_at_capture(s);
     if (!status)
         status = saga_encode_refine(s);
-    if (!status)
-        status = saga_cli_open_device(&s->gpu, s->o->device, "encode");
     if (!status)
         status = open_training(s);
     if (!status)

@@ -192,6 +192,8 @@ static bool make_queue(saga_gpu *g)
         .commandBufferCount = 1
     };
 
+    /* The device with its functions and its queue; then what records and what
+     * waits. */
     if (!saga_gpu_ok(g, vkCreateDevice(g->physical, &info, NULL, &g->device)))
         return false;
     volkLoadDeviceTable(&g->vk, g->device);
@@ -239,6 +241,7 @@ static bool make_kernel(saga_gpu *g, int k)
     VkShaderModule code;
     bool ok;
 
+    /* The layouts of buffers and constants, then the code, then both. */
     for (int i = 0; i < from->n_buffers; i++)
         binding[i] = (VkDescriptorSetLayoutBinding){
             (uint32_t)i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,

@@ -23,7 +23,7 @@
 
 typedef struct saga_gpu saga_gpu;
 
-/* What `saga devices` says of a device. */
+/* Describes a device; `saga devices` prints it. */
 typedef struct saga_gpu_info {
     char name[256];
     const char *kind;    /* "discrete", "integrated", "virtual", "cpu",
@@ -74,8 +74,15 @@ bool saga_gpu_alloc(saga_gpu_buffer *buffer, saga_gpu *gpu, size_t nbytes,
 void saga_gpu_free(saga_gpu_buffer *buffer, saga_gpu *gpu);
 
 /* Makes the buffer at least nbytes large; if it grows, its content is lost. */
-bool saga_gpu_grow(saga_gpu_buffer *buffer, saga_gpu *gpu, size_t nbytes,
-                   saga_gpu_place place, const char *what, saga_error *error);
+static inline bool saga_gpu_grow(saga_gpu_buffer *buffer, saga_gpu *gpu,
+                                 size_t nbytes, saga_gpu_place place,
+                                 const char *what, saga_error *error)
+{
+    if (buffer->buffer && buffer->nbytes >= nbytes)
+        return true;
+    saga_gpu_free(buffer, gpu);
+    return saga_gpu_alloc(buffer, gpu, nbytes, place, what, error);
+}
 
 enum { SAGA_GPU_MOST_BUFFERS = 16, SAGA_GPU_MOST_PUSH = 128 };
 
@@ -101,7 +108,7 @@ void saga_gpu_fill(saga_gpu *gpu, const saga_gpu_buffer *buffer, size_t at,
  * or the device is lost. */
 bool saga_gpu_finish(saga_gpu *gpu, saga_error *error);
 
-/* Times of kernels, for benchmarks and --verbose. Switched on, every job is
+/* Times of kernels, for benchmarks. Switched on, every job is
  * timed; the sums since then are by kernel, in seconds. */
 void saga_gpu_time(saga_gpu *gpu, bool on);
 double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);

@@ -59,18 +59,6 @@ void saga_gpu_free(saga_gpu_buffer *b, saga_gpu *g)
     (void)g;
 }
 
-bool saga_gpu_grow(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
-                   saga_gpu_place place, const char *what, saga_error *error)
-{
-    (void)b;
-    (void)g;
-    (void)nbytes;
-    (void)place;
-    (void)what;
-    (void)error;
-    return false;
-}
-
 void saga_gpu_begin(saga_gpu *g)
 {
     (void)g;

@@ -55,7 +55,8 @@ static uint32_t memory_type(const saga_gpu *g, uint32_t mask,
     return UINT32_MAX;
 }
 
-/* What a host reads should be cached, but need not be. */
+/* Returns the type of memory for a place. Memory that a host reads should be
+ * cached, but need not be. */
 static uint32_t type_for(const saga_gpu *g, uint32_t mask, saga_gpu_place place)
 {
     const VkMemoryPropertyFlags seen = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
@@ -130,15 +131,6 @@ void saga_gpu_free(saga_gpu_buffer *b, saga_gpu *g)
     if (b->memory)
         g->vk.vkFreeMemory(g->device, (VkDeviceMemory)b->memory, NULL);
     memset(b, 0, sizeof *b);
-}
-
-bool saga_gpu_grow(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
-                   saga_gpu_place place, const char *what, saga_error *error)
-{
-    if (b->buffer && b->nbytes >= nbytes)
-        return true;
-    saga_gpu_free(b, g);
-    return saga_gpu_alloc(b, g, nbytes, place, what, error);
 }
 
 /* --- Pools --------------------------------------------------------------- */

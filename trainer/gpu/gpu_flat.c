@@ -51,26 +51,46 @@ static void unpack_stats(const saga_gpu_set *s, const real *from)
     memcpy(s->worth, from + 3 * (size_t)s->n, s->n * sizeof *from);
 }
 
-static void unpack(const saga_splat_params *p, const real *block,
-                   uint32_t attrs, size_t n)
+static void unpack(const saga_splat_params *p, real *block, uint32_t attrs,
+                   size_t n)
 {
-    for (int a = 0; a < SAGA_N_ATTRS; a++)
-        if (attrs & SAGA_ATTR_BIT(a)) {
-            const size_t w = n * (size_t)saga_attributes[a].width;
+    saga_splat_params from;
 
-            memcpy(p->of[a], block, w * sizeof *block);
-            block += w;
-        }
+    saga_params_lay(&from, block, attrs, n);
+    saga_params_copy(p, &from, n);
+}
+
+/* Copies all parts of n primitives from `up` to the device, or from there to
+ * `down`; in these one follows the other. */
+static bool move_parts(saga_gpu_canvas *g, size_t n, bool is_up,
+                       saga_error *error)
+{
+    part list[N_PARTS];
+    size_t at = 0;
+
+    list_parts(list, g->attrs);
+    saga_gpu_begin(g->gpu);
+    for (int i = 0; i < N_PARTS; i++) {
+        const saga_gpu_buffer *const on = &g->on[list[i].buffer];
+        const size_t nbytes = list[i].n * n * sizeof(real);
+
+        if (is_up)
+            saga_gpu_copy(g->gpu, on, 0, &g->up, at, nbytes);
+        else
+            saga_gpu_copy(g->gpu, &g->down, at, on, 0, nbytes);
+        at += nbytes;
+    }
+    return saga_gpu_finish(g->gpu, error);
 }
 
 bool saga_gpu_put(saga_gpu_canvas *g, const saga_gpu_set *s, saga_error *error)
 {
-    const uint32_t attrs = saga_gpu_attrs(&s->value);
-    const size_t n = s->n, all = saga_gpu_n_reals(attrs, n);
+    const uint32_t attrs = saga_attrs_of(&s->value);
+    const size_t n = s->n, all = saga_attrs_width(attrs) * n;
     part list[N_PARTS];
-    size_t at = 0;
     real *up;
 
+    /* Room on the device and for the copy, the copy, and its way. */
     list_parts(list, attrs);
     for (int i = 0; i < N_PARTS; i++)
         if (!saga_gpu_room(g, list[i].buffer, list[i].n * n * sizeof *up, what,
@@ -80,47 +100,28 @@ bool saga_gpu_put(saga_gpu_canvas *g, const saga_gpu_set *s, saga_error *error)
                        SAGA_GPU_UP, what, error))
         return false;
     up = g->up.map;
-    saga_gpu_pack(up, &s->value, attrs, n);
-    saga_gpu_pack(up + all, &s->m, attrs, n);
-    saga_gpu_pack(up + 2 * all, &s->v, attrs, n);
+    saga_gpu_pack(up, &s->value, n);
+    saga_gpu_pack(up + all, &s->m, n);
+    saga_gpu_pack(up + 2 * all, &s->v, n);
     pack_stats(up + 3 * all, s);
-    saga_gpu_begin(g->gpu);
-    for (int i = 0; i < N_PARTS; i++) {
-        const size_t nbytes = list[i].n * n * sizeof *up;
-
-        saga_gpu_copy(g->gpu, &g->on[list[i].buffer], 0, &g->up, at, nbytes);
-        at += nbytes;
-    }
     g->n_set = s->n;
     g->attrs = attrs;
-    return saga_gpu_finish(g->gpu, error);
+    return move_parts(g, n, true, error);
 }
 
 bool saga_gpu_get(saga_gpu_canvas *g, const saga_gpu_set *s, saga_error *error)
 {
-    const uint32_t attrs = g->attrs;
-    const size_t n = s->n, all = saga_gpu_n_reals(attrs, n);
-    part list[N_PARTS];
-    size_t at = 0;
-    const real *down;
+    const size_t n = s->n, all = saga_attrs_width(g->attrs) * n;
+    real *down;
 
-    list_parts(list, attrs);
     if (!saga_gpu_grow(&g->down, g->gpu, (3 * all + 4 * n) * sizeof *down,
-                       SAGA_GPU_DOWN, what, error))
-        return false;
-    saga_gpu_begin(g->gpu);
-    for (int i = 0; i < N_PARTS; i++) {
-        const size_t nbytes = list[i].n * n * sizeof *down;
-
-        saga_gpu_copy(g->gpu, &g->down, at, &g->on[list[i].buffer], 0, nbytes);
-        at += nbytes;
-    }
-    if (!saga_gpu_finish(g->gpu, error))
+                       SAGA_GPU_DOWN, what, error) ||
+        !move_parts(g, n, false, error))
         return false;
     down = g->down.map;
-    unpack(&s->value, down, attrs, n);
-    unpack(&s->m, down + all, attrs, n);
-    unpack(&s->v, down + 2 * all, attrs, n);
+    unpack(&s->value, down, g->attrs, n);
+    unpack(&s->m, down + all, g->attrs, n);
+    unpack(&s->v, down + 2 * all, g->attrs, n);
     unpack_stats(s, down + 3 * all);
     return true;
 }
@@ -143,18 +144,19 @@ static void record_step(saga_gpu_canvas *g)
 
 static void set_rules(saga_gpu_frame *f, const saga_gpu_rules *r)
 {
-    const double c1 = 1 - pow((double)r->beta1, (double)r->step);
-    const double c2 = 1 - pow((double)r->beta2, (double)r->step);
+    const saga_adam *const a = r->adam;
+    const double c1 = 1 - pow((double)a->beta1, (double)r->step);
+    const double c2 = 1 - pow((double)a->beta2, (double)r->step);
 
-    f->beta1 = (float)r->beta1;
-    f->beta2 = (float)r->beta2;
-    f->eps = (float)r->eps;
-    f->most = (float)r->most;
+    f->beta1 = (float)a->beta1;
+    f->beta2 = (float)a->beta2;
+    f->eps = (float)a->eps;
+    f->most = (float)a->most;
     f->scale = (float)(1 / sqrt(c2));
-    for (int a = 0; a < SAGA_N_ATTRS; a++) {
-        f->rate[a] = (float)((double)r->rate[a] / c1);
-        f->lo[a] = (float)r->lo[a];
-        f->hi[a] = (float)r->hi[a];
+    for (int k = 0; k < SAGA_N_ATTRS; k++) {
+        f->rate[k] = (float)((double)r->rate[k] / c1);
+        f->lo[k] = (float)r->lo[k];
+        f->hi[k] = (float)r->hi[k];
     }
 }
 

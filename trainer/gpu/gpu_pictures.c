@@ -39,6 +39,7 @@ bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
     const size_t room = strcmp(is->kind, "cpu") == 0 ? CPU_NBYTES
                                                      : is->memory / CACHE_PART;
 
+    /* The plan of slots, its tables, and the pictures that kernels use. */
     k->each = largest_nbytes(c);
     k->per_chunk = CHUNK_NBYTES / k->each > 0 ? CHUNK_NBYTES / k->each : 1;
     k->n_slots = (uint32_t)(room / k->each < n ? room / k->each : n);

@@ -84,7 +84,7 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
         { GPU_RANGE, GPU_RANGE, 2 * tiles * word },
         { GPU_SQUARES, GPU_SQUARES, tiles * word },
         { GPU_BACK, GPU_BACK, word },
-        { GPU_GRAD, GPU_GRAD, saga_gpu_n_reals(g->frame.attrs, own) * word }
+        { GPU_GRAD, GPU_GRAD, saga_attrs_width(g->frame.attrs) * own * word }
     };
 
     for (size_t i = 0; i < sizeof need / sizeof need[0]; i++)
@@ -96,30 +96,12 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
 
 /* --- The host's arrays --------------------------------------------------- */
 
-uint32_t saga_gpu_attrs(const saga_splat_params *p)
+void saga_gpu_pack(real *block, const saga_splat_params *p, size_t n)
 {
-    uint32_t set = 0;
+    saga_splat_params to;
 
-    for (int a = 0; a < SAGA_N_ATTRS; a++)
-        set |= p->of[a] ? SAGA_ATTR_BIT(a) : 0;
-    return set;
-}
-
-size_t saga_gpu_n_reals(uint32_t attrs, size_t n)
-{
-    return saga_attrs_width(attrs) * n;
-}
-
-void saga_gpu_pack(real *block, const saga_splat_params *p, uint32_t attrs,
-                   size_t n)
-{
-    for (int a = 0; a < SAGA_N_ATTRS; a++)
-        if (attrs & SAGA_ATTR_BIT(a)) {
-            const size_t w = n * (size_t)saga_attributes[a].width;
-
-            memcpy(block, p->of[a], w * sizeof *block);
-            block += w;
-        }
+    saga_params_lay(&to, block, saga_attrs_of(p), n);
+    saga_params_copy(&to, p, n);
 }
 
 /* Sets at[a] to the begin of each attribute in a block of n primitives. */
@@ -179,7 +161,7 @@ void saga_gpu_set_frame(saga_gpu_canvas *g, const saga_canvas *c,
     f->n_own = n;
     f->n = n + c->n_still;
     f->attrs = attrs;
-    f->back_attrs = c->n_still ? saga_gpu_attrs(c->still) : 0;
+    f->back_attrs = c->n_still ? saga_attrs_of(c->still) : 0;
     f->draws = 0;
     find_attributes(f->attr_at, f->attrs, n);
     find_attributes(f->back_at, f->back_attrs, c->n_still);
@@ -295,8 +277,8 @@ void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes)
 static bool send_backdrop(saga_gpu_canvas *g, const saga_canvas *c,
                           saga_error *error)
 {
-    const size_t nbytes = sizeof(real) *
-                          saga_gpu_n_reals(g->frame.back_attrs, c->n_still);
+    const size_t nbytes = sizeof(real) * saga_attrs_width(g->frame.back_attrs) *
+                          c->n_still;
 
     if (c->n_still == 0)
         return true;
@@ -304,7 +286,7 @@ static bool send_backdrop(saga_gpu_canvas *g, const saga_canvas *c,
         !saga_gpu_grow(&g->up_back, g->gpu, nbytes, SAGA_GPU_UP,
                        "still primitives", error))
         return false;
-    saga_gpu_pack(g->up_back.map, c->still, g->frame.back_attrs, c->n_still);
+    saga_gpu_pack(g->up_back.map, c->still, c->n_still);
     return true;
 }
 
@@ -313,8 +295,8 @@ bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
 {
     saga_gpu_frame *const f = &g->frame;
     const uint32_t *const total = g->down.map;
-    const size_t back = sizeof(real) *
-                        saga_gpu_n_reals(f->back_attrs, c->n_still);
+    const size_t back = sizeof(real) * saga_attrs_width(f->back_attrs) *
+                        c->n_still;
 
     if (g->most_pairs < LEAST_PAIRS + FIRST_PAIRS * f->n)
         g->most_pairs = LEAST_PAIRS + FIRST_PAIRS * f->n;
@@ -348,8 +330,8 @@ static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
                        const saga_splat_params *p, uint32_t n, size_t down,
                        saga_error *error)
 {
-    const uint32_t attrs = saga_gpu_attrs(p);
-    const size_t nbytes = saga_gpu_n_reals(attrs, n) * sizeof(real);
+    const uint32_t attrs = saga_attrs_of(p);
+    const size_t nbytes = saga_attrs_width(attrs) * n * sizeof(real);
 
     saga_gpu_set_frame(g, c, attrs, n);
     g->n_set = 0;
@@ -360,7 +342,7 @@ static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
                        SAGA_GPU_N_TOTALS * sizeof(uint32_t) + down,
                        SAGA_GPU_DOWN, what, error))
         return false;
-    saga_gpu_pack(g->up.map, p, attrs, n);
+    saga_gpu_pack(g->up.map, p, n);
     return true;
 }
 
@@ -396,7 +378,7 @@ bool saga_gpu_draw(saga_gpu_canvas *g, saga_canvas *c,
 static void record_learning(saga_gpu_canvas *g)
 {
     const size_t n = g->frame.n_own, word = sizeof(uint32_t);
-    const size_t grads = saga_gpu_n_reals(g->frame.attrs, n) * word;
+    const size_t grads = saga_attrs_width(g->frame.attrs) * n * word;
     const size_t at = SAGA_GPU_N_TOTALS * word;
 
     saga_gpu_record_truth(g);
@@ -409,7 +391,7 @@ static void record_learning(saga_gpu_canvas *g)
                   3 * n * word);
 }
 
-/* What is added on the host after a pass. */
+/* Adds the gradients of a pass on the host. */
 typedef struct {
     const saga_gpu_canvas *g;
     saga_splat_learning *l;
@@ -426,6 +408,7 @@ static void add_part(void *user, size_t part)
     const saga_range of = saga_part(j->n, PART, part);
     const saga_splat_stats *const s = j->l->stats;
 
+    /* Gradients, and then statistics, of which any may be missing. */
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const size_t w = (size_t)saga_attributes[a].width;
         const real *const from = j->grad + j->g->frame.attr_at[a];
@@ -449,7 +432,7 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
                     const saga_canvas *c, const saga_splat_params *p,
                     uint32_t n, saga_error *error)
 {
-    const size_t reals = saga_gpu_n_reals(saga_gpu_attrs(p), n);
+    const size_t reals = saga_attrs_width(saga_attrs_of(p)) * n;
     adding j = { .g = g, .l = l, .n = n };
 
     if (!begin_pass(g, c, p, n, (reals + 3 * (size_t)n) * sizeof(real),

@@ -11,6 +11,7 @@
 #ifndef SAGA_GPU_SPLAT_H
 #define SAGA_GPU_SPLAT_H
 
+#include "adam.h"
 #include "compute.h"
 #include "pictures.h"
 #include "splat.h"
@@ -51,9 +52,9 @@ typedef struct saga_gpu_set {
 
 /* How attributes learn in an iteration. */
 typedef struct saga_gpu_rules {
-    real beta1, beta2, eps, most; /* nn/adam.h */
-    uint64_t step;                /* number of the step, from 1 on */
-    real rate[SAGA_N_ATTRS];      /* 0: it does not learn */
+    const saga_adam *adam;
+    uint64_t step;           /* number of the step, from 1 on */
+    real rate[SAGA_N_ATTRS]; /* 0: it does not learn */
     real lo[SAGA_N_ATTRS], hi[SAGA_N_ATTRS];
 } saga_gpu_rules;
 

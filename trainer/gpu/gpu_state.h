@@ -103,13 +103,8 @@ void saga_gpu_record_tiles(saga_gpu_canvas *g);
 void saga_gpu_record_back(saga_gpu_canvas *g);
 /* n_sizes: work groups that have left sums of sizes, or 0. */
 void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes);
-/* Returns the set of attributes that exist. */
-uint32_t saga_gpu_attrs(const saga_splat_params *p);
-/* Returns the reals of n primitives, and copies between arrays of the host and
- * one block. */
-size_t saga_gpu_n_reals(uint32_t attrs, size_t n);
-void saga_gpu_pack(real *block, const saga_splat_params *p, uint32_t attrs,
-                   size_t n);
+/* Copies n primitives of the host into one block. */
+void saga_gpu_pack(real *block, const saga_splat_params *p, size_t n);
 
 static inline size_t saga_gpu_groups(size_t n)
 {

@@ -212,21 +212,11 @@ bool saga_novel_teach(saga_novel *o, const saga_splat_params *params,
                               error);
 }
 
-/* Returns the set of attributes whose arrays exist. */
-static uint64_t attributes_of(const saga_splat_params *p)
-{
-    uint64_t set = 0;
-
-    for (int a = 0; a < SAGA_N_ATTRS; a++)
-        set |= p->of[a] ? SAGA_ATTR_BIT(a) : 0;
-    return set;
-}
-
 static void walk_teacher(saga_novel *o, int k, uint32_t most,
                          saga_checkpoint *c, saga_error *error)
 {
     saga_splat_params *const p = &o->teacher[k];
-    uint64_t head[2] = { o->n[k], attributes_of(p) };
+    uint64_t head[2] = { o->n[k], saga_attrs_of(p) };
 
     saga_checkpoint_walk(c, head, sizeof head);
     if (c->reading) {

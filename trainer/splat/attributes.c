@@ -72,8 +72,7 @@ bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
     return block != NULL;
 }
 
-/* Returns the set of attributes whose arrays exist. */
-static uint32_t set_of(const saga_splat_params *p)
+uint32_t saga_attrs_of(const saga_splat_params *p)
 {
     uint32_t set = 0;
 
@@ -82,16 +81,29 @@ static uint32_t set_of(const saga_splat_params *p)
     return set;
 }
 
+void saga_params_copy(const saga_splat_params *to,
+                      const saga_splat_params *from, size_t n)
+{
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (from->of[a])
+            memcpy(to->of[a], from->of[a],
+                   n * (size_t)saga_attributes[a].width * sizeof(real));
+}
+
 bool saga_params_gather(saga_splat_params *p, const saga_splat_params *from,
                         const uint32_t *source, size_t n, saga_error *error)
 {
-    if (!saga_params_alloc(p, set_of(from), n, error))
+    if (!saga_params_alloc(p, saga_attrs_of(from), n, error))
         return false;
+    if (!source) {
+        saga_params_copy(p, from, n);
+        return true;
+    }
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const size_t w = (size_t)saga_attributes[a].width;
 
         for (size_t i = 0; p->of[a] && i < n; i++)
-            memcpy(p->of[a] + w * i, from->of[a] + w * (source ? source[i] : i),
+            memcpy(p->of[a] + w * i, from->of[a] + w * source[i],
                    w * sizeof(real));
     }
     return true;

@@ -124,9 +124,11 @@ static inline bool saga_attr_is_output(const saga_attribute *a)
 #define saga_attributes SAGA_REAL_NAME(saga_attributes)
 #define saga_attrs_width SAGA_REAL_NAME(saga_attrs_width)
 #define saga_attr_n_outputs SAGA_REAL_NAME(saga_attr_n_outputs)
+#define saga_attrs_of SAGA_REAL_NAME(saga_attrs_of)
 #define saga_attrs_of_tools SAGA_REAL_NAME(saga_attrs_of_tools)
 #define saga_params_lay SAGA_REAL_NAME(saga_params_lay)
 #define saga_params_alloc SAGA_REAL_NAME(saga_params_alloc)
+#define saga_params_copy SAGA_REAL_NAME(saga_params_copy)
 #define saga_params_gather SAGA_REAL_NAME(saga_params_gather)
 #define saga_params_free SAGA_REAL_NAME(saga_params_free)
 #define saga_params_spans SAGA_REAL_NAME(saga_params_spans)
@@ -140,6 +142,9 @@ size_t saga_attrs_width(uint32_t set);
  * of a model's primitives. It is 0 for the temporal centre, because positions
  * determine it. */
 size_t saga_attr_n_outputs(int attr, const saga_model *m);
+
+/* Returns the set of attributes whose arrays exist. */
+uint32_t saga_attrs_of(const saga_splat_params *p);
 
 /* Returns the set of attributes of primitives with these tools, without the
  * temporal ones if they are still. */
@@ -155,6 +160,10 @@ real *saga_params_lay(saga_splat_params *p, real *block, uint32_t set,
  * short. */
 bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
                        saga_error *error);
+
+/* Copies the arrays of n primitives; to has each array of from. */
+void saga_params_copy(const saga_splat_params *to,
+                      const saga_splat_params *from, size_t n);
 
 /* Allocates copies of primitives source[0..n), or of the first n if source is
  * NULL. Attributes that `from` lacks are NULL in the copy. */

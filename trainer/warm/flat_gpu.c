@@ -19,19 +19,14 @@ bool saga_flat_bring(saga_flat *f, saga_error *error)
 {
     const saga_gpu_set set = set_of(f);
 
-    if (!f->is_away)
-        return true;
-    f->is_away = false;
-    return saga_gpu_get(f->gpu, &set, error);
+    /* After a failure the host's older values must not pass for new ones. */
+    f->is_away = f->is_away && !saga_gpu_get(f->gpu, &set, error);
+    return !f->is_away;
 }
 
 static saga_gpu_rules rules_of(const saga_flat *f)
 {
-    const saga_adam *const a = saga_flat_adam();
-    saga_gpu_rules r = { .beta1 = a->beta1,
-                         .beta2 = a->beta2,
-                         .eps = a->eps,
-                         .most = a->most,
+    saga_gpu_rules r = { .adam = saga_flat_adam(),
                          .step = (uint64_t)f->iteration + 1 };
 
     for (int i = 0; i < SAGA_N_ATTRS; i++) {

@@ -7,9 +7,9 @@
 #ifndef SAGA_OPTIONS_H
 #define SAGA_OPTIONS_H
 
-#include "compute.h"
 #include "ablation.h"
 #include "capture.h"
+#include "compute.h"
 #include "error.h"
 #include "isa.h"
 #include "splat.h"

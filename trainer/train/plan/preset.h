@@ -71,8 +71,9 @@ double saga_plan_primitives(double pixels, double changing, double seconds);
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels);
 
-/* Returns the most anonymous memory that a training takes, in bytes, besides
- * the pictures of its capture. largest: the pixels of the largest picture. */
+/* Returns about the most anonymous memory that a training takes, in bytes,
+ * besides the pictures of its capture. largest: the pixels of the largest
+ * picture. */
 double saga_plan_memory(double n_primitives, double largest);
 
 /* Sets *least and *most to the range in which the size of a segment's file
