@@ -79,7 +79,7 @@ static void time_warm_up(saga_flat *f, int n, int width, int height)
 /* Times a picture of the rendering stage, with primitives of the host. */
 static void time_picture(saga_flat *f, int n, int width, int height)
 {
-    const saga_sample sample = { f->pictures->train[0], 1, 0 };
+    const saga_sample sample = { .view = f->pictures->train[0], .frame = 1 };
     saga_splat_learning l = { .d = f->grad };
     bench_times t = { 0 };
     saga_error e = { "" };

@@ -182,7 +182,7 @@ static bool is_near(const char *scene, const char *of, const real *x,
 
 static bool agree(const world *w, fixture *f, const char *name)
 {
-    const saga_sample sample = { w->pictures.train[1], 2, 0 };
+    const saga_sample sample = { .view = w->pictures.train[1], .frame = 2 };
     FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
     saga_splat_learning on_host = { .d = f->d }, on_gpu = { .d = other };
     saga_gpu_canvas *g;

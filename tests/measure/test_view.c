@@ -482,7 +482,10 @@ TEST(score_should_tell_medians_and_changes)
     FREED_BY(saga_capture_free) saga_capture c;
     FREED_BY(saga_eval_free) saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "vector", 1, saga_eval_draw_film, &o.film };
+    const saga_eval_maker maker = { .name = "vector",
+                                    .n_threads = 1,
+                                    .draw = saga_eval_draw_film,
+                                    .state = &o.film };
 
     open_vector(&o, 2);
     c = rig_capture(&o);
@@ -525,7 +528,10 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
     saga_capture c, made;
     FREED_BY(saga_eval_free) saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures, &made };
+    const saga_eval_maker maker = { .name = "made",
+                                    .n_threads = 1,
+                                    .draw = saga_eval_draw_pictures,
+                                    .state = &made };
     double n, d;
 
     open_vector(&o, 2);
@@ -569,7 +575,10 @@ TEST(pictures_of_another_codec_should_be_judged_alike)
     saga_capture c, made;
     saga_eval e;
     FREED_BY(close_vector) opened o;
-    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures, &made };
+    const saga_eval_maker maker = { .name = "made",
+                                    .n_threads = 1,
+                                    .draw = saga_eval_draw_pictures,
+                                    .state = &made };
 
     open_vector(&o, 2);
     c = rig_capture(&o);

@@ -174,7 +174,7 @@ TEST(camera_should_see_the_cube_as_the_view_the_world)
     for (int i = 0; i < 3; i++)
         x[i] = cube.centre[i] + cube.unit * half[i];
     assert_true(saga_view_project(v, x, uv, &z));
-    saga_pictures_camera(&s, &p, (saga_sample){ 3, 0, 1 });
+    saga_pictures_camera(&s, &p, (saga_sample){ .view = 3, .mip = 1 });
     for (int i = 0; i < 3; i++)
         cam[i] =
             (double)s.rotation[3 * i] * (half[0] - (double)s.centre[0]) +

@@ -294,7 +294,8 @@ TEST(truth_should_be_the_mean_of_the_teachers)
         if (k != 0)
             teach(&o, R(0.75));
         assert_done(saga_novel_show(&canvas, &f->pictures,
-                                    (saga_sample){ VIEWS, 1, 0 }, &error));
+                                    (saga_sample){ .view = VIEWS, .frame = 1 },
+                                    &error));
         assert_int_equal(canvas.n_unseen, 0);
         red[k] = canvas.truth[middle];
         assert_true(canvas.truth[middle + plane] > R(0.4));
@@ -321,7 +322,7 @@ static double distance_of(const fixture *f, saga_flat *flat,
     pictures.novel = (saga_novel *)(uintptr_t)o;
     assert_done(saga_pictures_canvas(&canvas, &pictures, &error));
     assert_done(saga_novel_show(&canvas, &pictures,
-                                (saga_sample){ VIEWS, 0, 0 }, &error));
+                                (saga_sample){ .view = VIEWS }, &error));
     assert_done(saga_splat_forward(&canvas, &p, saga_flat_count(flat), &error));
     mse = saga_canvas_mse(&canvas);
     return mse;

@@ -149,7 +149,10 @@ static bool evaluate(void *user, saga_error *error)
     session *const s = user;
     const saga_eval_options o = { .pictures = s->pictures };
     saga_film film;
-    const saga_eval_maker maker = { "x.saga", 1, saga_eval_draw_film, &film };
+    const saga_eval_maker maker = { .name = "x.saga",
+                                    .n_threads = 1,
+                                    .draw = saga_eval_draw_film,
+                                    .state = &film };
     saga_eval eval = { .n_views = 0 };
     size_t n;
     const uint8_t *const file = saga_train_bytes(s->train, &n);

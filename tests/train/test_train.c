@@ -53,7 +53,8 @@ TEST(train_should_make_a_file_that_decodes)
         assert_int_equal(number, v);
         assert_int_equal(camera.width, 64);
         /* Both trainings drew what the file's rig lets decoders draw. */
-        saga_pictures_camera(&drawn, &pictures, (saga_sample){ (int)v, 0, 0 });
+        saga_pictures_camera(&drawn, &pictures,
+                             (saga_sample){ .view = (int)v });
         assert_true(fabs((double)drawn.near_plane * pictures.cube.unit -
                          camera.near_plane * film.metric.unit) <=
                     film.metric.unit);

@@ -349,7 +349,7 @@ static double error_of_all(saga_flat *f)
 
     for (int k = 0; k < p->n_train; k++)
         for (int t = 0; t < FRAMES; t++) {
-            const saga_sample picture = { p->train[k], t, 0 };
+            const saga_sample picture = { .view = p->train[k], .frame = t };
 
             assert_done(saga_flat_render(f, NULL, &mse, picture, &error));
             sum += mse;
@@ -474,7 +474,7 @@ TEST(sights_should_have_the_true_depth)
 
 static double psnr(saga_flat *f, int view)
 {
-    const saga_sample picture = { view, 1, 0 };
+    const saga_sample picture = { .view = view, .frame = 1 };
     double mse = 0;
 
     assert_done(saga_flat_render(f, NULL, &mse, picture, &error));
@@ -808,7 +808,7 @@ TEST(background_should_be_what_is_frequent)
                 memcpy(c.views[v].rgb + 3 * i, sheet, 3);
     assert_done(saga_pictures_init(&p, &c, &error));
     assert_memory_equal(p.background, sheet, 3);
-    saga_pictures_camera(&camera, &p, (saga_sample){ 1, 0, 0 });
+    saga_pictures_camera(&camera, &p, (saga_sample){ .view = 1 });
     for (int k = 0; k < 3; k++)
         assert_near(camera.background[k], sheet[k] / 255.0, 1e-6);
 }
@@ -824,7 +824,7 @@ TEST(truth_should_be_the_mean_of_boxes)
     assert_done(saga_pictures_canvas(&canvas, &x0->pictures, &error));
     for (int mip = 0; mip < 3; mip++) {
         const int w = W >> mip, h = H >> mip, side = 1 << mip;
-        const saga_sample picture = { 2, 1, mip };
+        const saga_sample picture = { .view = 2, .frame = 1, .mip = mip };
 
         saga_pictures_aim(&canvas, &x0->pictures, picture);
         saga_pictures_truth(&canvas, &x0->pictures, picture);

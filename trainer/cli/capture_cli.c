@@ -14,6 +14,7 @@ saga_capture_options saga_capture_chosen(const saga_capture_choice *choice)
     o.hold_out = choice->hold_out;
     o.late = choice->late;
     o.alpha_masks = choice->alpha_masks;
+    o.subject = choice->subject;
     o.follow_paths = choice->follow_paths;
     o.memory_nbytes = (uint64_t)choice->memory << 30;
     o.scratch = choice->scratch     ? choice->scratch

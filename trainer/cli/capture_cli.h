@@ -13,7 +13,7 @@ typedef struct saga_capture_choice {
     const char *hold_out, *late, *scratch;
     int scale; /* 1/scale of the size; 0: not given */
     int memory, threads;
-    bool alpha_masks, follow_paths;
+    bool alpha_masks, subject, follow_paths;
 } saga_capture_choice;
 
 /* The choice if no option is given. */
@@ -64,6 +64,15 @@ typedef struct saga_capture_choice {
           "without this,\npictures lie over black",                          \
           saga_cli_flag,                                                     \
           offsetof(type, member.alpha_masks),                                \
+          0,                                                                 \
+          0 },                                                               \
+        { "--subject",                                                       \
+          NULL,                                                              \
+          "keep only what the masks, or else the pictures' "                 \
+          "alpha, show,\nand make everything else transparent; masks may "   \
+          "have\nvalues between black and white",                            \
+          saga_cli_flag,                                                     \
+          offsetof(type, member.subject),                                    \
           0,                                                                 \
           0 },                                                               \
         { "--follow-paths",                                                  \

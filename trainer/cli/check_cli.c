@@ -312,9 +312,10 @@ const saga_command saga_command_check = {
     "\n"
     "Masks: a folder masks/ beside images/ holds pictures with the names of\n"
     "the images, or one masks/CAMERA.png for all pictures of a camera. Pixels\n"
-    "that are not white are ignored. Pictures through lenses of COLMAP's\n"
-    "models OPENCV and OPENCV_FISHEYE are straightened. Paths in a capture's\n"
-    "files must lead into its folder, unless --follow-paths is given.\n"
+    "that are not white are ignored, or transparent with --subject. Pictures\n"
+    "through lenses of COLMAP's models OPENCV and OPENCV_FISHEYE are\n"
+    "straightened. Paths in a capture's files must lead into its folder,\n"
+    "unless --follow-paths is given.\n"
     "\n"
     "A capture is a folder in one of these layouts, with pictures in PNG,\n"
     "JPEG, WebP, TIFF or EXR:\n",

@@ -176,6 +176,7 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     saga_put_int(list, "layers", o->layers);
     saga_put_int(list, "seed", o->seed);
     saga_put_flag(list, "alpha_masks", c->alpha_masks);
+    saga_put_flag(list, "subject", c->subject);
     saga_put_real(list, "lambda", o->lambda);
     saga_put_real(list, "size", o->size);
     saga_put_real(list, "bitrate", o->bitrate);

@@ -57,6 +57,8 @@ static bool is_shown(const session *s, const saga_metric_row *m)
     switch (m->need) {
     case SAGA_NEEDS_MOTION:
         return has_motion(&s->eval);
+    case SAGA_NEEDS_SUBJECT:
+        return s->capture.subject && !s->is_folder;
     case SAGA_NEEDS_EQUIRECT:
         return s->o->equirect;
     case SAGA_NEEDS_LPIPS:
@@ -447,6 +449,7 @@ static int compare(session *s)
         .name = s->file_name,
         .n_threads = s->o->capture.threads,
         .draw = s->is_folder ? saga_eval_draw_pictures : saga_eval_draw_film,
+        .opacity = s->is_folder ? NULL : saga_eval_film_opacity,
         .state = s->is_folder ? (void *)&s->pictures : (void *)&s->film
     };
     bool ok;

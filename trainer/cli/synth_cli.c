@@ -20,7 +20,7 @@ typedef struct {
     saga_cli_pair size;
     int cameras, hold_out, frames, samples, depth_every, points, seed, threads;
     double fps;
-    bool exr, quiet;
+    bool exr, masks, quiet;
 } options;
 
 static bool find_scene(saga_synth_scene *scene, const char *name)
@@ -49,6 +49,7 @@ static saga_synth_options resolve(const options *o, saga_synth_scene scene)
     s.seed = (uint32_t)or_default(o->seed, (int)s.seed);
     s.fps = isnan(o->fps) ? s.fps : o->fps;
     s.exr = o->exr;
+    s.masks = o->masks;
     s.n_threads = o->threads;
     return s;
 }
@@ -132,6 +133,10 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, seed), 0, INT32_MAX },
     { "--exr", NULL, "write pictures as EXR instead of PNG", saga_cli_flag,
       offsetof(options, exr), 0, 0 },
+    { "--masks", NULL,
+      "write masks of a subject: the runner with baton and ball,\n"
+      "or what stands on the room's bench and floor",
+      saga_cli_flag, offsetof(options, masks), 0, 0 },
     { "--threads", "N",
       "number of threads (default: all cores); the files do not\n"
       "depend on it",

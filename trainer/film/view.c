@@ -394,15 +394,30 @@ bool saga_film_draw_depth(saga_film *film, const saga_camera *camera,
     return draw_at(film, camera, frame_num, frame_den, &to, error);
 }
 
+/* Returns the numerator of a late frame's time, and sets its denominator: steps
+ * of 1/65536, the resolution of a segment's time, if 32 bits suffice. */
+static uint32_t late_time(uint32_t *den, uint32_t frame, double late)
+{
+    *den = late > 0.0 && frame < 65535 ? 65536 : 1;
+    return frame * *den + (uint32_t)lrint(late * (*den - 1));
+}
+
 bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
                          uint32_t frame, double late, uint8_t *rgb,
                          saga_error *error)
 {
-    /* In steps of 1/65536, the resolution of a segment's time, if 32 bits
-     * suffice. */
-    const uint32_t den = late > 0.0 && frame < 65535 ? 65536 : 1;
+    uint32_t den;
+    const uint32_t num = late_time(&den, frame, late);
 
-    return saga_film_draw(film, camera,
-                          frame * den + (uint32_t)lrint(late * (den - 1)), den,
-                          rgb, error);
+    return saga_film_draw(film, camera, num, den, rgb, error);
+}
+
+bool saga_film_draw_depth_late(saga_film *film, const saga_camera *camera,
+                               uint32_t frame, double late, saga_depth *depth,
+                               saga_error *error)
+{
+    uint32_t den;
+    const uint32_t num = late_time(&den, frame, late);
+
+    return saga_film_draw_depth(film, camera, num, den, depth, error);
 }

@@ -69,11 +69,14 @@ bool saga_film_draw_depth(saga_film *film, const saga_camera *camera,
                           uint32_t frame_num, uint32_t frame_den,
                           saga_depth *depth, saga_error *error);
 
-/* Draws the time that is the fraction `late`, 0 to 1, of a frame after
+/* Draw the time that is the fraction `late`, 0 to 1, of a frame after
  * `frame`. */
 bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
                          uint32_t frame, double late, uint8_t *rgb,
                          saga_error *error);
+bool saga_film_draw_depth_late(saga_film *film, const saga_camera *camera,
+                               uint32_t frame, double late, saga_depth *depth,
+                               saga_error *error);
 
 /* Sets the name that the file gives camera `index` of its rig, and the file's
  * unit of length. If the file has no names, or damaged ones, the name is "" and

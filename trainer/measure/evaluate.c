@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Single pictures are compared in score.h. The metrics of a view over its
- * frames are computed here: median picture, changing pixels, flicker, exposure.
+ * frames are computed here: median picture, changing pixels, flicker, exposure,
+ * opacity.
  */
 #include "evaluate.h"
 
@@ -33,6 +34,8 @@ typedef struct {
     int n_steps;         /* number of pairs of frames in temporal_mse */
     saga_exposure_sums exposure[3]; /* sums for each channel */
     size_t n_exposed;               /* number of pixels in exposure */
+    double both, any; /* sums over pixels of the smaller and of the larger of
+                       * opacity and mask */
 } sums;
 
 typedef struct {
@@ -43,6 +46,7 @@ typedef struct {
     saga_error *error;
     int n_threads;
     uint8_t *rgb;          /* the decoded picture; sized for the largest view */
+    saga_depth *opacity;   /* its opacities; NULL: they are not compared */
     const uint8_t **frame; /* (n_frames) the pictures of one view */
     uint8_t **median;      /* (n_views) temporal median pictures */
     uint8_t **before; /* (n_views) decoded pictures of the previous frame */
@@ -177,6 +181,41 @@ bool saga_eval_draw_pictures(void *state, uint8_t *rgb, const saga_eval *eval,
     return true;
 }
 
+bool saga_eval_film_opacity(void *state, saga_depth *opacity,
+                            const saga_eval *eval, int view, int frame,
+                            saga_error *error)
+{
+    const saga_eval_view *const v = &eval->view[view];
+
+    return saga_film_draw_depth_late(state, &v->camera,
+                                     (uint32_t)(eval->first_frame + frame),
+                                     v->late, opacity, error);
+}
+
+/* Adds the overlap of opacity and mask, both 0..1, over all pixels. Unlike the
+ * other metrics it sees what floats outside the subject. */
+static bool compare_opacity(const comparison *c, int view, int frame)
+{
+    const saga_eval_view *const v = &c->eval->view[view];
+    const uint8_t *const mask = saga_capture_mask(c->capture, view, frame);
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    sums *const s = &c->sum[view];
+
+    if (!c->opacity)
+        return true;
+    if (!c->maker->opacity(c->maker->state, c->opacity, c->eval, view, frame,
+                           c->error))
+        return false;
+    for (size_t i = 0; i < n; i++) {
+        const double a = c->opacity[i].weight_q16 / 65536.0;
+        const double b = mask[i] / 255.0;
+
+        s->both += fmin(a, b);
+        s->any += fmax(a, b);
+    }
+    return true;
+}
+
 static bool compare_one(const comparison *c, int view, int frame)
 {
     const saga_eval_view *const v = &c->eval->view[view];
@@ -190,7 +229,8 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!saga_capture_has(c->capture, view, frame))
         return true;
     if (!c->maker->draw(c->maker->state, c->rgb, c->eval, view, frame,
-                        c->error))
+                        c->error) ||
+        !compare_opacity(c, view, frame))
         return false;
     /* Pixels that do not count are set to the truth, so that they have no
      * error. */
@@ -285,6 +325,7 @@ static void take_means(const comparison *c)
         set(score, "temporal_psnr",
             s->temporal_mse / (s->n_steps ? s->n_steps : (double)NAN));
         set(score, "psnr_exposed", exposed_mse(c, i));
+        set(score, "iou", s->any > 0 ? s->both / s->any : (double)NAN);
         set_change(score, &s->change);
     }
     c->eval->training = mean_of(c, false);
@@ -324,6 +365,12 @@ static bool allocate(comparison *c)
     const size_t n_frames = (size_t)c->eval->n_frames;
     const char *const name = c->maker->name;
 
+    if (c->capture->subject && c->maker->opacity) {
+        c->opacity = saga_alloc(largest(c->eval) / 3, sizeof *c->opacity, name,
+                                c->error);
+        if (!c->opacity)
+            return false;
+    }
     c->rgb = saga_alloc(largest(c->eval), 1, name, c->error);
     c->frame = saga_calloc(n_frames, sizeof *c->frame, name, c->error);
     c->median = saga_calloc(n_views, sizeof *c->median, name, c->error);
@@ -339,6 +386,7 @@ static void release(const comparison *c)
     for (int i = 0; c->before && i < c->eval->n_views; i++)
         free(c->before[i]);
     free(c->rgb);
+    free(c->opacity);
     free(c->frame);
     free(c->median);
     free(c->before);

@@ -46,12 +46,18 @@ typedef struct saga_eval {
 typedef bool saga_eval_draw_fn(void *state, uint8_t *rgb, const saga_eval *eval,
                                int view, int frame, saga_error *error);
 
+/* Sets the opacities of the same picture. */
+typedef bool saga_eval_opacity_fn(void *state, saga_depth *opacity,
+                                  const saga_eval *eval, int view, int frame,
+                                  saga_error *error);
+
 /* A maker supplies the pictures that are judged. */
 typedef struct saga_eval_maker {
     const char *name; /* for messages */
     int n_threads;    /* for comparing; 0: all that are available */
     saga_eval_draw_fn *draw;
-    void *state; /* the first argument of draw */
+    saga_eval_opacity_fn *opacity; /* NULL: unknown */
+    void *state;                   /* the first argument of both */
 } saga_eval_maker;
 
 /* The two makers: the first draws with the integer decoder, in the tone in
@@ -60,6 +66,9 @@ typedef struct saga_eval_maker {
  * the saga_capture that holds them. */
 saga_eval_draw_fn saga_eval_draw_film;
 saga_eval_draw_fn saga_eval_draw_pictures;
+
+/* Sets the opacities that the integer decoder draws. */
+saga_eval_opacity_fn saga_eval_film_opacity;
 
 /* Checks, camera by camera, whether the capture is the one the file was made
  * from, and sets all of *eval except the scores. If first_frame is -1, the

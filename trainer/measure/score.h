@@ -40,7 +40,8 @@ typedef enum saga_metric_mean {
 /* A column is shown only if this holds. */
 typedef enum saga_metric_need {
     SAGA_NEEDS_NOTHING,
-    SAGA_NEEDS_MOTION, /* more than one frame */
+    SAGA_NEEDS_MOTION,  /* more than one frame */
+    SAGA_NEEDS_SUBJECT, /* the capture's masks are opacities */
     SAGA_NEEDS_EQUIRECT,
     SAGA_NEEDS_LPIPS
 } saga_metric_need;

@@ -265,14 +265,16 @@ saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng, uint64_t draw)
     const uint64_t n = (uint64_t)((double)draw * part);
     const uint64_t next = (uint64_t)((double)(draw + 1) * part);
     const saga_rng r = saga_rng_stream(rng.key, STREAM_NOVEL);
+    saga_sample sample = { 0 };
 
     if (n == next)
         return saga_pictures_pick(p, rng, draw - n);
-    return (saga_sample){ .view = p->capture->n_views +
-                                  (int)saga_rng_below(
-                                      r, 2 * n, (uint32_t)p->novel->n_views),
-                          .frame = (int)saga_rng_below(
-                              r, 2 * n + 1, (uint32_t)p->capture->n_frames) };
+    sample.view = p->capture->n_views +
+                  (int)saga_rng_below(r, 2 * n, (uint32_t)p->novel->n_views);
+    sample.frame = (int)saga_rng_below(r, 2 * n + 1,
+                                       (uint32_t)p->capture->n_frames);
+    saga_pictures_set_behind(&sample, p, r, n);
+    return sample;
 }
 
 /* Sets the truth to the mean of what the teachers draw, clipped to 0..1. */

@@ -20,6 +20,9 @@ enum { MIN_SIDE = 8, N_LOOKED_AT = 100000, MOST_LOOKED_AT = 256 };
 enum { ROWS = 8 };
 #define SAMPLE_NS 0.5
 
+/* Stream of random numbers (rng.h). */
+enum { STREAM_BEHIND = 501 };
+
 #define NEAR_PART 0.3 /* near plane, over the view's nearest depth */
 /* Least part of all pixels that have exactly the background's colour. */
 #define BACKGROUND_PART 0.1
@@ -108,15 +111,17 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
 
 /* Sets the background to the most frequent colour if it is frequent enough, as
  * for an object in front of a screen. Pictures of rooms or landscapes have no
- * such colour, and get black. */
+ * such colour, and get black, over which a subject already is. */
 static bool find_background(saga_pictures *p, saga_error *error)
 {
     uint32_t *const colour = saga_alloc(N_LOOKED_AT, sizeof *colour,
                                         "the pictures' colours", error);
     size_t most = (size_t)(BACKGROUND_PART * N_LOOKED_AT), run = 0;
 
-    if (!colour)
-        return false;
+    if (p->capture->subject || !colour) {
+        free(colour);
+        return p->capture->subject;
+    }
     read_colours(colour, p);
     qsort(colour, N_LOOKED_AT, sizeof *colour, compare_colours);
     /* After sorting, equal colours form a run; the longest run above the
@@ -207,8 +212,21 @@ saga_sample saga_pictures_pick(const saga_pictures *p, saga_rng rng,
 {
     const uint32_t one = saga_rng_shuffled(rng, draw, (uint32_t)p->n_there);
     const int at = p->there ? p->there[one] : (int)one;
+    saga_sample sample = {
+        p->train[at % p->n_train], at / p->n_train, 0, { 0 }
+    };
 
-    return (saga_sample){ p->train[at % p->n_train], at / p->n_train, 0 };
+    saga_pictures_set_behind(&sample, p, rng, draw);
+    return sample;
+}
+
+void saga_pictures_set_behind(saga_sample *sample, const saga_pictures *p,
+                              saga_rng rng, uint64_t draw)
+{
+    const saga_rng r = saga_rng_stream(rng.key, STREAM_BEHIND);
+
+    for (size_t k = 0; p->capture->subject && k < 3; k++)
+        sample->behind[k] = (uint8_t)saga_rng_below(r, 3 * draw + k, 256);
 }
 
 double saga_pictures_pixels(const saga_pictures *p)
@@ -275,7 +293,7 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
         cam->rotation[i] = (real)v->rotation[i];
     for (int i = 0; i < 3; i++) {
         cam->centre[i] = (real)((c[i] - p->cube.centre[i]) / p->cube.unit);
-        cam->background[i] = R(p->background[i]) / 255;
+        cam->background[i] = R(p->background[i] + sample.behind[i]) / 255;
     }
     /* Coordinates start at the picture's corner, so halving a picture halves
      * them. Sides are rounded down; the truth too leaves out pixels that do not
@@ -401,6 +419,28 @@ static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
     }
 }
 
+/* Puts the background of the canvas behind a subject: adds (1 - mask) b, with
+ * the mean of the mask over each pixel's box. */
+static void add_behind(saga_canvas *canvas, const uint8_t *mask, size_t stride,
+                       size_t side)
+{
+    const saga_splat_camera *const c = &canvas->camera;
+    const size_t w = (size_t)c->width, h = (size_t)c->height;
+    const real white = R(255 * side * side);
+
+    for (size_t i = 0; i < w * h; i++) {
+        const uint8_t *at = mask + i / w * side * stride + i % w * side;
+        int sum = 0;
+
+        for (size_t y = 0; y < side; y++, at += stride)
+            for (size_t x = 0; x < side; x++)
+                sum += at[x];
+        for (size_t k = 0; k < 3; k++)
+            canvas->truth[k * w * h + i] += (1 - R(sum) / white) *
+                                            c->background[k];
+    }
+}
+
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                          saga_sample sample)
 {
@@ -416,6 +456,8 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
 
     make_truth(&t);
     canvas->n_unseen = 0;
-    if (mask)
+    if (mask && p->capture->subject)
+        add_behind(canvas, mask, stride / 3, (size_t)1 << sample.mip);
+    else if (mask)
         mark_unseen(canvas, mask, stride / 3, 1 << sample.mip);
 }

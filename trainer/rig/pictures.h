@@ -47,9 +47,10 @@ typedef struct saga_pictures {
 } saga_pictures;
 
 /* A picture: what a view saw at a frame, averaged over squares of 2^mip x 2^mip
- * pixels. */
+ * pixels. A picture of a subject may be over another background than black. */
 typedef struct saga_sample {
     int view, frame, mip;
+    uint8_t behind[3]; /* R, G, B of that background; default 0 */
 } saga_sample;
 
 /* Prepares a capture for training. Returns false with *error set if memory is
@@ -73,7 +74,9 @@ bool saga_pictures_restore(saga_pictures *pictures, saga_capture *capture,
 
 /* Returns picture number `draw`, with mip 0, of an endless sequence. It has
  * every training picture once before any is repeated, each time in another
- * order. */
+ * order. A subject is over another background in each: with light C and
+ * transmittance T, what is drawn over b is C + T b, so that a wrong T shows in
+ * the mean over b whatever C is. */
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 
@@ -92,6 +95,12 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
  * drawn, neither in training nor by a decoder, whose rig has the same near
  * plane. */
 double saga_pictures_near(const saga_pictures *pictures, int view);
+
+/* Sets the background of picture number `draw`: random for a subject, otherwise
+ * 0. */
+void saga_pictures_set_behind(saga_sample *sample,
+                              const saga_pictures *pictures, saga_rng rng,
+                              uint64_t draw);
 
 /* Sets the camera of a picture. */
 void saga_pictures_camera(saga_splat_camera *camera,

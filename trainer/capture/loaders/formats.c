@@ -39,5 +39,5 @@ bool saga_listing_make(saga_listing *listing, const char *path,
         return false;
     saga_listing_note_turns(listing);
     /* Masks are found by the names of pictures, so they come last. */
-    return saga_listing_find_masks(listing, path, error);
+    return saga_listing_find_masks(listing, path, options->subject, error);
 }

@@ -126,9 +126,10 @@ bool saga_listing_match_videos(saga_listing *listing,
                                const saga_capture_options *options,
                                saga_error *error);
 
-/* Finds masks in folders for the pictures that have none (masks.c). */
+/* Finds masks in folders for the pictures that have none (masks.c). The note
+ * about them says whether they are of a subject. */
 bool saga_listing_find_masks(saga_listing *listing, const char *path,
-                             saga_error *error);
+                             bool subject, saga_error *error);
 
 /* A loader reads captures of one layout. Each is defined at the end of its own
  * file; formats.c has the table of all. */

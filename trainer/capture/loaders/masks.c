@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Masks mark the pixels that count with white, or with the larger value if they
- * have only two. They lie in masks/ beside
- * images/, or in the capture's folder if it has no images/, and have the name
- * of their picture with .png instead of its extension or after it.
- * masks/CAMERA.png is for all pictures of a camera. A format may also give the
- * masks itself.
+ * Masks mark the pixels that count, or a subject, with white, or with the
+ * larger value if they have only two. They lie in masks/ beside images/, or in
+ * the capture's folder if it has no images/, and have the name of their picture
+ * with .png instead of its extension or after it. masks/CAMERA.png is for all
+ * pictures of a camera. A format may also give the masks itself.
  */
 #include "load.h"
 
@@ -102,7 +101,7 @@ static bool find_masks(const saga_listing *l, saga_source *s, const char *root,
 }
 
 bool saga_listing_find_masks(saga_listing *listing, const char *path,
-                             saga_error *error)
+                             bool subject, saga_error *error)
 {
     char *const root = saga_string_copy(path, error);
     bool ok = root != NULL;
@@ -119,8 +118,9 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
     if (ok && n > 0)
         saga_note(listing->notes,
                   "masks: %d of %d pictures have one; pixels "
-                  "that are not white are ignored",
-                  n, listing->n_sources * listing->n_frames);
+                  "that are not white are %s",
+                  n, listing->n_sources * listing->n_frames,
+                  subject ? "transparent" : "ignored");
     free(root);
     return ok;
 }

@@ -106,7 +106,7 @@ static int name_those(const saga_listing *l, bool (*is)(const saga_source *),
 
 /* Notes what the videos' tags say that a film maker should know; alpha only if
  * it is not to be a mask. */
-static void note_facts(saga_listing *l, bool alpha_masks)
+static void note_facts(saga_listing *l, bool alpha_counts)
 {
     static const struct {
         bool (*is)(const saga_source *s);
@@ -129,7 +129,7 @@ static void note_facts(saga_listing *l, bool alpha_masks)
     };
     const size_t n_facts = sizeof facts / sizeof facts[0];
     /* The last fact is about alpha. */
-    for (size_t i = 0; i < n_facts - alpha_masks; i++) {
+    for (size_t i = 0; i < n_facts - alpha_counts; i++) {
         char names[320];
         const int n = name_those(l, facts[i].is, names, sizeof names);
         if (n > 0)
@@ -330,7 +330,7 @@ bool saga_listing_match_videos(saga_listing *listing,
     const int wanted = options->end_frame;
     int n = listing->sources[0].info.n_frames;
     double most = 0.0;
-    note_facts(listing, options->alpha_masks);
+    note_facts(listing, options->alpha_masks || options->subject);
     for (int i = 1; i < listing->n_sources; i++)
         n = listing->sources[i].info.n_frames < n
                 ? listing->sources[i].info.n_frames

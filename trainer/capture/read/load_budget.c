@@ -13,7 +13,8 @@
 
 bool saga_load_has_opacity(const saga_load_job *job, const saga_source *s)
 {
-    return job->options->alpha_masks && (s->pictures || s->info.alpha);
+    return (job->options->alpha_masks || job->options->subject) &&
+           (s->pictures || s->info.alpha);
 }
 
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s)

@@ -70,9 +70,10 @@ static uint8_t *frame_to_fill(const saga_load_job *job, int v, int k)
            saga_view_frame_nbytes(view) * (size_t)(view->single ? 0 : k);
 }
 
-/* Fills a view's mask from a picture of its source, which is black or white.
- * Any other value after undistortion and scaling is a mixture at a border; a
- * pixel counts if it is nearly white, so that no pixel at the border does. */
+/* Fills a view's mask from a picture of its source. Of a subject this is its
+ * opacity. Otherwise the picture is black or white, and any other value after
+ * undistortion and scaling is a mixture at a border; a pixel counts if it is
+ * nearly white, so that no pixel at the border does. */
 static bool fill_mask(const saga_load_job *job, int v, int k,
                       const saga_remap *remap, const uint8_t *rgb,
                       saga_error *error)
@@ -85,7 +86,7 @@ static bool fill_mask(const saga_load_job *job, int v, int k,
         return false;
     saga_remap_rgb(remap, rgb, small);
     for (size_t i = 0; i < n; i++)
-        mask[i] = small[3 * i] >= 250;
+        mask[i] = job->options->subject ? small[3 * i] : small[3 * i] >= 250;
     free(small);
     return true;
 }
@@ -97,19 +98,28 @@ static const char *mask_file(const saga_load_job *job, int v, int k)
     return s->masks ? s->masks[job->capture->first_frame + k] : NULL;
 }
 
-/* Splits n pixels of RGBA: opacity of a half and more becomes white in `mask`,
- * the rest black, and the colour moves up to where it is RGB. */
+/* Splits n pixels of RGBA: the opacity moves to `mask`, as grey, and the colour
+ * up to where it is RGB. */
 static void split_opacity(uint8_t *pixels, size_t n, uint8_t *mask)
 {
     for (size_t i = 0; i < n; i++) {
-        memset(mask + 3 * i, pixels[4 * i + 3] >= 128 ? 255 : 0, 3);
+        memset(mask + 3 * i, pixels[4 * i + 3], 3);
         memmove(pixels + 3 * i, pixels + 4 * i, 3);
     }
 }
 
-/* A picture as it is read: RGB, or RGBA with room for the mask that its opacity
- * is. For a video in 4:2:0 there is also its picture as filmed. */
+/* Makes n grey pixels white, if they are `white` or more, or black. */
+static void split_grey(uint8_t *grey, size_t n, int white)
+{
+    for (size_t i = 0; i < n; i++)
+        memset(grey + 3 * i, grey[3 * i] >= white ? 255 : 0, 3);
+}
+
+/* A picture as it is read, and its mask if it has one here: that of its
+ * opacity, or that of a subject. For a video in 4:2:0 there is also its picture
+ * as filmed. */
 typedef struct canvas {
+    bool opacity;           /* the pixels are RGBA, not RGB */
     uint8_t *pixels, *mask; /* no mask: NULL */
     uint8_t *filmed, *room; /* room: to convert it; not 4:2:0: NULL */
     saga_filmed how;
@@ -120,11 +130,13 @@ static bool make_canvas(canvas *c, const saga_load_job *job,
                         saga_error *error)
 {
     const bool opacity = saga_load_has_opacity(job, s);
+    const bool mask = opacity || job->options->subject;
     const size_t n = (size_t)s->width * (size_t)s->height;
-    *c = (canvas){ .pixels = saga_alloc(n, opacity ? 4 : 3, path, error) };
-    if (opacity)
+    *c = (canvas){ .opacity = opacity,
+                   .pixels = saga_alloc(n, opacity ? 4 : 3, path, error) };
+    if (mask)
         c->mask = saga_alloc(n, 3, path, error);
-    return c->pixels && (c->mask || !opacity);
+    return c->pixels && (c->mask || !mask);
 }
 
 /* Adds what a video in 4:2:0 needs, whose frames are read as they are
@@ -150,23 +162,97 @@ static void free_canvas(canvas *c)
     free(c->room);
 }
 
-/* Fills a view's picture, and its mask if there is opacity; a mask of its own
- * takes precedence. */
+/* Makes n pixels of a mask grey, with the largest of their channels. If the
+ * mask has only two values, whatever they are, the larger one is white, and so
+ * is a single value except 0. Otherwise white begins in the middle of the
+ * range, except for a subject, whose opacity all values are. */
+static void make_grey(uint8_t *rgb, size_t n, bool subject)
+{
+    int least = 255, most = 0;
+    bool two = true;
+    for (size_t i = 0; i < n; i++) {
+        uint8_t *const p = rgb + 3 * i;
+        p[0] = p[1] > p[0] ? p[1] : p[0];
+        p[0] = p[2] > p[0] ? p[2] : p[0];
+        p[1] = p[2] = p[0];
+        least = p[0] < least ? p[0] : least;
+        most = p[0] > most ? p[0] : most;
+    }
+    for (size_t i = 0; two && i < n; i++)
+        two = rgb[3 * i] == least || rgb[3 * i] == most;
+    if (two)
+        split_grey(rgb, n, most > 0 ? most : 1);
+    else if (!subject)
+        split_grey(rgb, n, 128);
+}
+
+/* Reads the mask's file of a picture, grey, (height, width, 3). */
+static bool read_grey(const saga_load_job *job, int v, int k, uint8_t *grey,
+                      saga_error *error)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const saga_picture_wish wish = { .width = s->width,
+                                     .height = s->height,
+                                     .upright = s->upright,
+                                     .form = SAGA_PICTURE_MASK };
+    if (!saga_picture_read(mask_file(job, v, k), &wish, grey, error))
+        return false;
+    make_grey(grey, (size_t)s->width * (size_t)s->height,
+              job->options->subject);
+    return true;
+}
+
+/* Returns the file of a picture, for messages. */
+static const char *source_file(const saga_load_job *job, int v, int k)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    return s->pictures ? s->pictures[job->capture->first_frame + k] : s->video;
+}
+
+/* Cuts the subject out of a picture: reads its mask, unless that is the
+ * picture's opacity, and multiplies the colours by it. This comes before
+ * scaling, so that pixels at the edge have the subject's part of their light
+ * and nothing of what is behind. */
+static bool cut_out(const saga_load_job *job, int v, int k, const canvas *c,
+                    saga_error *error)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    if (!mask_file(job, v, k) && !c->opacity)
+        return saga_fail(error, source_file(job, v, k),
+                         "give it a mask, as `saga help check` says, or "
+                         "opacity, or leave --subject out",
+                         "nothing tells the subject of camera %s from the rest",
+                         s->name);
+    if (mask_file(job, v, k) && !read_grey(job, v, k, c->mask, error))
+        return false;
+    for (size_t i = 0; i < 3 * n; i++)
+        c->pixels[i] = (uint8_t)((c->pixels[i] * c->mask[i] + 127) / 255);
+    return true;
+}
+
+/* Fills a view's picture, and its mask if that is here; a mask of its own takes
+ * precedence over opacity. */
 static bool fill_picture(const saga_load_job *job, int v, int k,
                          const saga_remap *remap, const canvas *from,
                          saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
-    if (from->mask)
-        split_opacity(from->pixels, (size_t)s->width * (size_t)s->height,
-                      from->mask);
+    const bool subject = job->options->subject;
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    if (from->opacity)
+        split_opacity(from->pixels, n, from->mask);
+    if (from->opacity && !subject)
+        split_grey(from->mask, n, 128);
+    if (subject && !cut_out(job, v, k, from, error))
+        return false;
     if (job->capture->pixels.at && !remap->taps && remap->scale == 1)
         saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
                           from->pixels,
                           saga_view_frame_nbytes(&job->capture->views[v]));
     else
         saga_remap_rgb(remap, from->pixels, frame_to_fill(job, v, k));
-    return !from->mask || mask_file(job, v, k) ||
+    return !from->mask || (mask_file(job, v, k) && !subject) ||
            fill_mask(job, v, k, remap, from->mask, error);
 }
 
@@ -234,7 +320,7 @@ static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
     info.width = s->width;
     info.height = s->height;
     info.upright = s->upright;
-    info.opacity = at->mask != NULL;
+    info.opacity = at->opacity;
     info.depth = at->how.depth;
     if (end == 0)
         return true;
@@ -286,8 +372,8 @@ static bool read_picture(const saga_load_job *job, int v, int k,
     const saga_picture_wish wish = { .width = s->width,
                                      .height = s->height,
                                      .upright = s->upright,
-                                     .form = at.mask ? SAGA_PICTURE_RGBA
-                                                     : SAGA_PICTURE_RGB };
+                                     .form = at.opacity ? SAGA_PICTURE_RGBA
+                                                        : SAGA_PICTURE_RGB };
     ok = ok && saga_picture_read(path, &wish, at.pixels, error) &&
          fill_picture(job, v, k, remap, &at, error);
     free_canvas(&at);
@@ -302,44 +388,14 @@ static void load_picture(saga_load_job *job, int v, int k,
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* Makes n pixels of a mask black or white. If the mask has only two values,
- * whatever they are, the larger one is white, and so is a single value except
- * 0. Otherwise white begins in the middle of the range. */
-static void make_white(uint8_t *rgb, size_t n)
-{
-    int least = 255, most = 0, white = 128;
-    bool two = true;
-    for (size_t i = 0; i < n; i++) {
-        uint8_t *const p = rgb + 3 * i;
-        p[0] = p[1] > p[0] ? p[1] : p[0];
-        p[0] = p[2] > p[0] ? p[2] : p[0];
-        least = p[0] < least ? p[0] : least;
-        most = p[0] > most ? p[0] : most;
-    }
-    for (size_t i = 0; two && i < n; i++)
-        two = rgb[3 * i] == least || rgb[3 * i] == most;
-    if (two)
-        white = most > 0 ? most : 1;
-    for (size_t i = 0; i < n; i++)
-        memset(rgb + 3 * i, rgb[3 * i] >= white ? 255 : 0, 3);
-}
-
 static bool read_mask(const saga_load_job *job, int v, int k,
                       const saga_remap *remap, saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
-    const char *const path = mask_file(job, v, k);
-    const size_t n = (size_t)s->width * (size_t)s->height;
-    const saga_picture_wish wish = { .width = s->width,
-                                     .height = s->height,
-                                     .upright = s->upright,
-                                     .form = SAGA_PICTURE_MASK };
-    uint8_t *const buffer = saga_alloc(n, 3, path, error);
-    bool ok = buffer && saga_picture_read(path, &wish, buffer, error);
-    if (ok) {
-        make_white(buffer, n);
-        ok = fill_mask(job, v, k, remap, buffer, error);
-    }
+    uint8_t *const buffer = saga_alloc((size_t)s->width * (size_t)s->height, 3,
+                                       mask_file(job, v, k), error);
+    const bool ok = buffer && read_grey(job, v, k, buffer, error) &&
+                    fill_mask(job, v, k, remap, buffer, error);
     free(buffer);
     return ok;
 }
@@ -428,18 +484,14 @@ static bool check_mask(const saga_load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
     const saga_source_view *const view = &c->views[v];
-    const saga_source *const s = &job->listing->sources[v];
     const size_t n = (size_t)view->width * (size_t)view->height *
                      (size_t)saga_view_n_held(view, c->n_frames);
     const char *path = NULL;
     if (view->n_missing == c->n_frames || memchr(view->mask, 1, n))
         return true;
-    for (int k = 0; k < c->n_frames && !path; k++) {
-        const char *const picture = s->pictures
-                                        ? s->pictures[c->first_frame + k]
-                                        : s->video;
-        path = mask_file(job, v, k) ? mask_file(job, v, k) : picture;
-    }
+    for (int k = 0; k < c->n_frames && !path; k++)
+        path = mask_file(job, v, k) ? mask_file(job, v, k)
+                                    : source_file(job, v, k);
     return saga_fail(job->error, path,
                      "make the masks white, or with "
                      "--alpha-masks the pictures opaque, where pixels count; "
@@ -447,6 +499,29 @@ static bool check_mask(const saga_load_job *job, int v)
                      "its mask leaves no pixel of "
                      "camera %s, and no other mask of this camera does",
                      view->name);
+}
+
+/* Refuses a subject that fills all pictures, or none: the masks are missing, or
+ * do not mean the opacity of a subject. */
+static bool check_subject(const saga_load_job *job)
+{
+    const saga_capture *const c = job->capture;
+    bool any = false, all = true;
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_source_view *const view = &c->views[v];
+        const size_t n = (size_t)view->width * (size_t)view->height *
+                         (size_t)saga_view_n_held(view, c->n_frames);
+        for (size_t i = 0; i < n && view->n_missing < c->n_frames; i++) {
+            any = any || view->mask[i] > 0;
+            all = all && view->mask[i] == 255;
+        }
+    }
+    return (any && !all) ||
+           saga_fail(job->error, job->listing->path,
+                     "make the masks white, or the pictures opaque, where the "
+                     "subject is, and black or transparent elsewhere",
+                     "the subject of --subject is %s all pictures",
+                     any ? "the whole of" : "in none of");
 }
 
 /* Fills a pixel that does not count from the nearest frame in which it counts,
@@ -506,15 +581,20 @@ bool saga_load_pictures(saga_load_job *job)
      * copy from them. */
     for (int v = 0; v < n_views; v++)
         fill_missing(job, v);
-    /* Masks come next, then depth; progress begins at 0 for each. */
+    /* Masks come next, unless a subject was cut out by them, then depth;
+     * progress begins at 0 for each. */
+    job->capture->subject = job->options->subject;
     job->n_done = 0;
     for (int v = 0; v < n_views; v++)
-        if (job->listing->sources[v].masks && job->capture->views[v].mask)
+        if (job->listing->sources[v].masks && job->capture->views[v].mask &&
+            !job->capture->subject)
             load_view(job, v, MASKS);
     if (job->first_failed != INT32_MAX)
         return false;
+    if (job->capture->subject && !check_subject(job))
+        return false;
     for (int v = 0; v < n_views; v++) {
-        if (!job->capture->views[v].mask)
+        if (!job->capture->views[v].mask || job->capture->subject)
             continue;
         if (!check_mask(job, v))
             return false;

@@ -8,6 +8,9 @@
  *     DIR/images/camNN/FFFFF.png (or .exr, with linear light)
  *     DIR/depth/camNN/FFFFF.exr  for every depth_every-th frame: z at the
  *                                pixels' centres, in metres
+ *     DIR/masks/camNN/FFFFF.png  how much of each pixel is the subject: the
+ *                                runner with his baton and ball, or what stands
+ *                                on the room's bench and floor
  *     DIR/points.ply             points as from structure from motion on frame
  *                                0 of the training cameras: textured places
  *                                that at least two of them see, with noise
@@ -41,6 +44,7 @@ typedef struct saga_synth_options {
     uint32_t seed;   /* seed of the points' positions and noise; in the
                       * ring, of everything */
     bool exr;        /* pictures as EXR */
+    bool masks;      /* write masks of the subject; default false */
     int n_threads;   /* 0: OpenMP's default */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;

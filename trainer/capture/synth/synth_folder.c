@@ -51,7 +51,9 @@ bool saga_synth_begin_folder(saga_synth_job *job)
     return job->folder != NULL;
 }
 
-static const char *const kinds[] = { "images", "depth" };
+static const char *const kinds[] = { "images", "depth", "masks" };
+
+enum { N_KINDS = (int)(sizeof kinds / sizeof kinds[0]) };
 
 static bool make_folder(const saga_synth_job *job, const char *path)
 {
@@ -64,7 +66,11 @@ static bool make_folder(const saga_synth_job *job, const char *path)
 bool saga_synth_make_folders(const saga_synth_job *job)
 {
     char path[SAGA_SYNTH_PATH];
-    for (int k = 0; k < (job->options->depth_every > 0 ? 2 : 1); k++) {
+    const bool wanted[N_KINDS] = { true, job->options->depth_every > 0,
+                                   job->options->masks };
+    for (int k = 0; k < N_KINDS; k++) {
+        if (!wanted[k])
+            continue;
         (void)snprintf(path, sizeof path, "%s/%s", job->folder, kinds[k]);
         if (!make_folder(job, path))
             return false;
@@ -98,7 +104,7 @@ void saga_synth_remove(const saga_synth_job *job)
 {
     char path[SAGA_SYNTH_PATH];
     /* The folders that this run has made, and the plain files in them. */
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < N_KINDS; k++) {
         for (int c = 0; c < job->options->n_cameras; c++) {
             (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder, kinds[k],
                            job->views[c].name);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Draws the pictures and depths of the built-in scenes with several threads,
- * and writes them.
+ * Draws the pictures, masks and depths of the built-in scenes with several
+ * threads, and writes them.
  */
 #include "synth_job.h"
 
@@ -13,6 +13,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -58,6 +59,29 @@ static void render(const saga_synth_job *job, int camera, int frame,
             render_pixel(job, &world, view, origin, x, y, rgb);
 }
 
+/* Draws the mask, as grey RGB: the part of a pixel's samples that the subject
+ * takes. */
+static void render_mask(const saga_synth_job *job, int camera, int frame,
+                        uint8_t *rgb)
+{
+    const saga_source_view *const view = &job->views[camera];
+    const int n = job->options->samples;
+    saga_synth_world world;
+    double origin[3], d[3];
+    saga_synth_world_at(&world, job->options, frame / job->options->fps);
+    saga_pose_centre(view->rotation, view->translation, origin);
+    for (int y = 0; y < view->height; y++)
+        for (int x = 0; x < view->width; x++, rgb += 3) {
+            int sum = 0;
+            for (int k = 0; k < n * n; k++) {
+                saga_synth_direction(view, x + (k % n + 0.5) / n,
+                                     y + (k / n + 0.5) / n, d);
+                sum += saga_synth_is_subject(&world, origin, d);
+            }
+            memset(rgb, (255 * sum + n * n / 2) / (n * n), 3);
+        }
+}
+
 static void render_depth(const saga_synth_job *job, int camera, int frame,
                          float *depth)
 {
@@ -89,6 +113,11 @@ static bool write_picture(const saga_synth_job *job, int camera, int frame,
                         path);
         ok = exr ? saga_exr_write(path, w, h, rgb, error)
                  : saga_png_write(path, w, h, rgb, error);
+    }
+    if (ok && job->options->masks) {
+        render_mask(job, camera, frame, rgb);
+        saga_synth_path(job, "masks", "png", camera, frame, path);
+        ok = saga_png_write(path, w, h, rgb, error);
     }
     /* Depth is written for every depth_every-th frame only. */
     if (ok && saga_synth_has_depth(job->options, frame)) {

@@ -32,6 +32,17 @@ saga_synth_sight saga_synth_look(const saga_synth_world *w,
     return sight;
 }
 
+bool saga_synth_is_subject(const saga_synth_world *w, const double origin[3],
+                           const double direction[3])
+{
+    /* The objects of both scenes are listed with their subjects together. */
+    return w->scene == SAGA_SYNTH_RING
+               ? saga_ring_trace(&w->at.ring, origin, direction).object <=
+                     SAGA_RING_BALL
+               : saga_room_trace(&w->at.room, origin, direction).object >
+                     SAGA_ROOM_BENCH;
+}
+
 void saga_synth_light(const saga_synth_world *w, const double origin[3],
                       const double direction[3], double rgb[3])
 {

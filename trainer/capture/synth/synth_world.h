@@ -32,6 +32,10 @@ saga_synth_sight saga_synth_look(const saga_synth_world *world,
                                  const double origin[3],
                                  const double direction[3]);
 
+/* Tells whether a ray first hits the scene's subject (synth.h). */
+bool saga_synth_is_subject(const saga_synth_world *world,
+                           const double origin[3], const double direction[3]);
+
 /* Computes the linear light along a ray; channels are 0..1, highlights slightly
  * more. */
 void saga_synth_light(const saga_synth_world *world, const double origin[3],

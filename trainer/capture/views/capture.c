@@ -50,7 +50,7 @@ double saga_capture_forgive(const saga_capture *capture, int view, int frame,
     const size_t n = saga_view_frame_nbytes(&capture->views[view]) / 3;
     size_t n_counting = 0;
     for (size_t i = 0; mask && i < n; i++) {
-        n_counting += mask[i];
+        n_counting += mask[i] != 0;
         if (!mask[i])
             memcpy(rgb + 3 * i, truth + 3 * i, 3);
     }

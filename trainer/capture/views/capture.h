@@ -13,9 +13,11 @@
  * (1/2, 1/2). Pictures are rows of 8-bit RGB without padding, display-referred
  * (sRGB-like). Loaders remove the distortion of lenses: every view is a pinhole
  * (remap.h says how its focal length is chosen), and all of its pixels are
- * valid except those that a mask excludes. A view does not move: a moving
- * camera becomes as many views as it has pictures. Frame k of every view was
- * taken at the same moment, except for fractions of a frame (`late`).
+ * valid except those that a mask excludes. Of a subject the pictures show what
+ * belongs to it over black, and the mask is its opacity, so that over another
+ * background b they are rgb + (1 - mask / 255) b. A view does not move: a
+ * moving camera becomes as many views as it has pictures. Frame k of every view
+ * was taken at the same moment, except for fractions of a frame (`late`).
  *
  * Memory: all pictures are decoded once. They stay in memory if they are few,
  * and are otherwise kept in a file that is mapped (scratch.h), so that a
@@ -77,6 +79,8 @@ typedef struct saga_capture_options {
     double metres;          /* metres per unit of length; 0: from the capture */
     bool want_depth;        /* load depth pictures if there are any */
     bool alpha_masks;       /* pixels of alpha below 128 do not count */
+    bool subject;           /* masks or alpha are the opacity of a subject, and
+                             * everything else becomes transparent */
     bool follow_paths;      /* read files that the capture names outside its
                              * folder */
     saga_error *wrong_poses;    /* receives the error if all poses are mirror
@@ -123,7 +127,7 @@ typedef struct saga_source_view {
     uint8_t *mask; /* (n_frames, height, width): 1 if a pixel counts;
                     * 0 if not, and then rgb is from the nearest
                     * frame in which it counts; NULL: all pixels
-                    * count */
+                    * count. Of a subject: its opacity, 0 to 255 */
     float **depth; /* (n_frames) pointers to (height, width) or NULL:
                     * z along the optical axis; NULL if no frame has
                     * depth */
@@ -144,7 +148,8 @@ typedef enum saga_pose_convention {
 typedef struct saga_capture {
     const char *format; /* static string, for reports */
     int n_views, n_frames;
-    bool moves; /* one camera moves, and each view is one of its pictures */
+    bool moves;   /* one camera moves, and each view is one of its pictures */
+    bool subject; /* all pictures are of a subject that stands free */
     saga_pose_convention poses;
     int first_frame;         /* frame of the source that is frame 0 here */
     int n_learned;           /* number of training views, */
@@ -250,7 +255,8 @@ static inline int saga_capture_near(const saga_capture *capture, int view,
     return frame;
 }
 
-/* Returns the mask of a picture; NULL if all pixels count. */
+/* Returns the mask of a picture, in which a pixel of 0 does not count; NULL if
+ * all pixels count. */
 static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
                                                int view, int frame)
 {

@@ -56,8 +56,8 @@ static bool measure_light(real *light, const saga_layers_terms *t,
         for (i = 0; ok && !capture->views[v].held_out &&
                     (frame = saga_capture_sample(capture, v, i)) >= 0;
              i++)
-            ok = add_light(light, &d, &c, t, (saga_sample){ v, frame, 0 },
-                           error);
+            ok = add_light(light, &d, &c, t,
+                           (saga_sample){ .view = v, .frame = frame }, error);
     }
     saga_canvas_free(&c);
     saga_params_free(&d);

@@ -30,7 +30,7 @@ bool saga_quality_add(saga_quality *q, const saga_capture *c,
         int frame, i;
 
         for (i = 0; (frame = saga_capture_sample(c, v, i)) >= 0; i++) {
-            const saga_sample picture = { v, frame, 0 };
+            const saga_sample picture = { .view = v, .frame = frame };
             double psnr;
 
             if (!psnr_of(user, &psnr, picture, error))

@@ -77,8 +77,8 @@ static void choose_pictures(trial *a)
                 (int)((2 * (int64_t)i + 1) * c->n_frames / (2 * each)));
 
             if (frame >= 0 && a->n_looks < MOST_PICTURES)
-                a->look[a->n_looks++] = (look){ { view, frame, 0 },
-                                                k / every % 2 };
+                a->look[a->n_looks++] =
+                    (look){ { .view = view, .frame = frame }, k / every % 2 };
         }
 }
 

@@ -49,9 +49,9 @@ static bool make_decoded(saga_train *t, saga_error *error)
 bool saga_train_draw(saga_train *t, float *image, int view, int frame,
                      saga_error *error)
 {
-    return saga_quality_draw(image, &t->pictures, &t->packed.scene,
-                             &t->packed.twin, (saga_sample){ view, frame, 0 },
-                             error);
+    return saga_quality_draw(
+        image, &t->pictures, &t->packed.scene, &t->packed.twin,
+        (saga_sample){ .view = view, .frame = frame }, error);
 }
 
 /* --- Packing ------------------------------------------------------------- */
