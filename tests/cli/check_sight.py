@@ -7,6 +7,8 @@
   depth   depths, in the capture's units, are the mean depths that an
           independent renderer finds, and so are the opacities; PNG and EXR
           files, read here, hold the same
+  rgba    a picture with opacity, laid over a colour here, is the one drawn
+          over this colour, also along an orbit; films have the same opacities
   bad     options that exclude each other give a message of one line"""
 
 import functools
@@ -181,12 +183,47 @@ def check_depth(tmp, scene, scale):
           (scene, off, clear, min(alpha), max(alpha)))
 
 
+# --- Colour with opacity ---------------------------------------------------
+
+def check_rgba(tmp):
+    over, size = (0, 255, 128), ("--size", "96x54")
+    for way in (("--camera", 1), ("--orbit", 4)):
+        name = "%d" if way[0] == "--orbit" else "3"
+        for kind in (("--rgba",), ("--over", "#%02x%02x%02x" % over)):
+            saga("render", DEMO, *way, *size, *kind, "-o",
+                 "%s/%s_%s.png" % (tmp, kind[0][2:], name))
+        rgba = pixels(tmp + "/rgba_3.png", "rgba")
+        want = pixels(tmp + "/over_3.png", "rgb24")
+        off = [abs(a * c / 255 + (1 - a / 255) * b - w)
+               for a, rgb, shown in zip(rgba[3::4], zip(
+                   rgba[::4], rgba[1::4], rgba[2::4]),
+                   zip(want[::3], want[1::3], want[2::3]))
+               for c, b, w in zip(rgb, over, shown)]
+        # Colours over black, straight ones and opacities are rounded to 8 bits.
+        if max(off) > 2.5 or not 0 < sum(rgba[3::4]):
+            complain("RGBA", way[0], "is", max(off), "off")
+    for ending, codec in (("webm", "libvpx-vp9"), ("mov", "prores")):
+        film = tmp + "/film." + ending
+        saga("render", DEMO, "--orbit", 4, *size, "--rgba", "-o", film)
+        got = subprocess.run(
+            ["ffmpeg", "-nostdin", "-v", "error", "-c:v", codec, "-i", film,
+             "-f", "rawvideo", "-pix_fmt", "rgba", "-"], check=True,
+            stdout=subprocess.PIPE).stdout
+        last = got[3 * len(rgba):]
+        off = [abs(a - b) for a, b in zip(last[3::4], rgba[3::4])]
+        if len(got) != 4 * len(rgba) or sum(off) > 3 * len(off):
+            complain(film, "has other opacities")
+    verdict("rgba")
+
+
 def check_bad(tmp):
     def refused(says, *options, out="/x.png", status=2):
         saga("render", DEMO, *options, "-o", tmp + out, status=status,
              says=says)
 
-    refused("--depth and --alpha exclude", "--depth", "--alpha")
+    refused("--depth, --alpha, --rgba and --over exclude", "--depth", "--alpha")
+    refused("--over takes RRGGBB, not '12345'", "--over", "12345")
+    refused("--rgba is written as .png, .webm or .mov", "--rgba", out="/x.mp4")
     refused("--stereo takes a distance above 0", "--stereo=-1")
     refused("written as .png or .exr", "--depth", out="/x.mp4")
     refused("side by side", "--stereo", 0.1, "--size", "9000x100", status=1)
@@ -202,6 +239,7 @@ def main():
         check_depth(tmp, DEMO, 4)
         check_depth(tmp, "vectors/good/motion.saga", 2)
         verdict("depth")
+        check_rgba(tmp)
         check_bad(tmp)
     return 1 if checks.failed else 0
 

@@ -188,6 +188,20 @@ bool saga_cli_size(void *to, const char *text, const saga_cli_option *option)
            take_int(&p->b, &text, option) && !*text;
 }
 
+bool saga_cli_colour(void *to, const char *text, const saga_cli_option *option)
+{
+    static const char digits[] = "0123456789abcdefABCDEF";
+    const char *const hex = text[0] == '#' ? text + 1 : text;
+    saga_cli_rgb *const c = to;
+
+    (void)option;
+    c->given = strlen(hex) == 6 && strspn(hex, digits) == 6;
+    for (int i = 0; c->given && i < 3; i++)
+        c->rgb[i] = (uint8_t)strtol((char[]){ hex[2 * i], hex[2 * i + 1], 0 },
+                                    NULL, 16);
+    return c->given;
+}
+
 bool saga_cli_range(void *to, const char *text, const saga_cli_option *option)
 {
     saga_cli_pair *const p = to;

@@ -87,6 +87,14 @@ saga_cli_read_fn saga_cli_range;  /* saga_cli_pair of "A:B", A < B, min..max; a
 saga_cli_read_fn saga_cli_fraction; /* saga_cli_pair of "N" or "N/D", N within
                                      * min..max, D >= 1 */
 
+saga_cli_read_fn saga_cli_colour; /* saga_cli_rgb of "RRGGBB", with or without
+                                   * a "#" */
+
+typedef struct saga_cli_rgb {
+    bool given;
+    uint8_t rgb[3];
+} saga_cli_rgb;
+
 typedef struct saga_cli_pair {
     int32_t a, b;
 } saga_cli_pair;

@@ -37,7 +37,8 @@ typedef struct {
     double time;   /* seconds; < 0 if not given */
     double stereo; /* in metres, or in the capture's units if metres
                     * are unknown */
-    bool depth, alpha, no_exposure, quiet;
+    bool depth, alpha, rgba, no_exposure, quiet;
+    saga_cli_rgb over;
     saga_cli_pair frame, frames, size;
 } options;
 
@@ -79,8 +80,9 @@ static int check_options(const options *o)
         return mistake("--look-at works only with --camera or --eye");
     if (o->eye.given && !o->look_at.given)
         return mistake("--eye needs --look-at");
-    if (o->depth && o->alpha)
-        return mistake("--depth and --alpha exclude each other");
+    if (o->depth + o->alpha + o->rgba + o->over.given > 1)
+        return mistake("--depth, --alpha, --rgba and --over exclude each "
+                       "other");
     if (o->stereo < 0.0)
         return mistake("--stereo takes a distance above 0");
     return SAGA_EXIT_OK;
@@ -142,19 +144,21 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 
 /* --- Names --------------------------------------------------------------- */
 
-static bool is_video(const char *out)
+static bool is_video(const options *o)
 {
-    return saga_has_suffix(out, ".mp4");
+    return saga_film_has_name(o->out, o->rgba);
 }
 
 static int check_name(const session *s)
 {
     const char *const out = s->o->out;
 
-    if (is_video(out) && (s->o->depth || s->o->alpha))
+    if (is_video(s->o) && (s->o->depth || s->o->alpha))
         return mistake("--depth and --alpha are written as .png or .exr");
-    if (is_video(out))
+    if (is_video(s->o))
         return SAGA_EXIT_OK;
+    if (s->o->rgba && !saga_has_suffix(out, ".png"))
+        return mistake("--rgba is written as .png, .webm or .mov");
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "render: %s: pictures are "
@@ -196,8 +200,7 @@ static bool camera_of(saga_camera *c, session *s, int i)
         const saga_path_camera *const own = &s->path.camera[i];
         /* A lens keeps the size of its own picture, unless --size sets it or a
          * film does, whose pictures have one size. */
-        const bool given = own->fov > 0.0 || s->o->size.a ||
-                           is_video(s->o->out);
+        const bool given = own->fov > 0.0 || s->o->size.a || is_video(s->o);
         saga_source_view view;
 
         saga_path_view(&view, own, given ? c->width : own->lens.width,
@@ -221,6 +224,9 @@ static int make_one(session *s, int i)
 
     if (!camera_of(&c, s, i))
         return SAGA_EXIT_DATA;
+    for (int k = 0; s->o->over.given && k < 3; k++)
+        c.background_q15[k] = (uint16_t)((s->o->over.rgb[k] * 32768 + 127) /
+                                         255);
     time_of(&num, &den, s, i);
     if (!saga_sight_draw(&s->sight, &s->film, &c, num, den, &s->error))
         return SAGA_EXIT_DATA;
@@ -331,6 +337,7 @@ static bool open_video(session *s)
     film.width = s->camera.width * saga_sight_eyes(&s->sight);
     film.height = s->camera.height;
     film.n_pictures = s->n;
+    film.opacity = s->o->rgba;
     film.fps = fps;
     film.sound = sound_of(s, fps);
     return saga_film_writer_open(&s->video, s->o->out, &film, &s->error);
@@ -363,6 +370,7 @@ static void find_sight(session *s, uint32_t rig)
     metres = ldexp(naming.metre_mantissa, naming.metre_exponent);
     s->sight.kind = o->depth   ? SAGA_SIGHT_DEPTH
                     : o->alpha ? SAGA_SIGHT_ALPHA
+                    : o->rgba  ? SAGA_SIGHT_RGBA
                                : SAGA_SIGHT_COLOUR;
     s->sight.rig = o->no_exposure || o->orbit || o->path || o->look_at.given
                        ? -1
@@ -405,8 +413,8 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes,
                        s->o->threads, &s->error) &&
         prepare(s))
-        status = !is_video(s->o->out) || open_video(s) ? make_all(s)
-                                                       : SAGA_EXIT_USAGE;
+        status = !is_video(s->o) || open_video(s) ? make_all(s)
+                                                  : SAGA_EXIT_USAGE;
     /* This also happens after a failure, to end ffmpeg and remove its
      * unfinished file. */
     if (!saga_film_writer_close(&s->video, !status, &s->error) && !status)
@@ -546,6 +554,15 @@ static const saga_cli_option option_list[] = {
       "background shows. .exr has floats (A), .png 16 bits, in\n"
       "which 65535 is 1",
       saga_cli_flag, offsetof(options, alpha), 0, 0 },
+    { "--rgba", NULL,
+      "draw colour with opacity, to be shown over something\n"
+      "else: .png, .webm (VP9) for browsers or .mov (ProRes\n"
+      "4444) for editing. Colours are straight, not multiplied",
+      saga_cli_flag, offsetof(options, rgba), 0, 0 },
+    { "--over", "RRGGBB",
+      "draw over this colour, red, green and blue as two hex\n"
+      "digits each, instead of the file's background",
+      saga_cli_colour, offsetof(options, over), 0, 0 },
     { "--threads", "N",
       "number of threads (default: all cores); the pixels do not\n"
       "depend on it",
@@ -568,6 +585,7 @@ const saga_command saga_command_render = {
     "  saga render scene.saga -o above.png --eye 0,-1,3 --look-at 0,0,0\n"
     "  saga render scene.saga -o tour_SBS.mp4 --orbit 90 --stereo 0.063\n"
     "  saga render scene.saga -o depth.exr --depth\n"
+    "  saga render person.saga -o person.webm --orbit 90 --rgba\n"
     "\n"
     "A path, where fov is the vertical field of view in degrees:\n"
     "\n"

@@ -25,6 +25,12 @@ static size_t pixel_nbytes(const saga_sight *s)
     return s->kind == SAGA_SIGHT_COLOUR ? 3 : sizeof(float);
 }
 
+/* Tells whether the decoder draws colours. */
+static bool has_colour(const saga_sight *s)
+{
+    return s->kind == SAGA_SIGHT_COLOUR || s->kind == SAGA_SIGHT_RGBA;
+}
+
 /* Tells whether an eye is drawn directly into the picture, which needs no
  * conversion for the colours of one eye. */
 static bool is_drawn_in_place(const saga_sight *s)
@@ -34,13 +40,16 @@ static bool is_drawn_in_place(const saga_sight *s)
 
 bool saga_sight_alloc(saga_sight *s, size_t n, saga_error *error)
 {
-    const size_t drawn = s->kind == SAGA_SIGHT_COLOUR ? 3 : sizeof(saga_depth);
+    const size_t drawn = has_colour(s) ? 3 : sizeof(saga_depth);
+    const bool both = s->kind == SAGA_SIGHT_RGBA;
 
     s->eye = saga_alloc(n, drawn, what, error);
+    if (both)
+        s->opacity = saga_alloc(n, sizeof *s->opacity, what, error);
     s->all = is_drawn_in_place(s) ? s->eye
                                   : saga_alloc(n * (size_t)saga_sight_eyes(s),
                                                pixel_nbytes(s), what, error);
-    return s->eye && s->all;
+    return s->eye && s->all && (s->opacity || !both);
 }
 
 void saga_sight_free(saga_sight *s)
@@ -48,7 +57,8 @@ void saga_sight_free(saga_sight *s)
     if (s->all != s->eye)
         free(s->all);
     free(s->eye);
-    s->eye = s->all = NULL;
+    free(s->opacity);
+    s->eye = s->all = s->opacity = NULL;
 }
 
 /* --- Drawing ------------------------------------------------------------- */
@@ -86,6 +96,26 @@ static void take_values(float *to, const saga_sight *s, size_t first, size_t n,
                     : 0.0f;
 }
 
+/* Divides drawn colours, which are over black, by the opacity: what is shown
+ * over b is then alpha colour + (1 - alpha) b. */
+static void take_colours(uint8_t *to, const saga_sight *s, size_t first,
+                         size_t n)
+{
+    const saga_depth *const d = s->opacity + first;
+    const uint8_t *const rgb = (const uint8_t *)s->eye + 3 * first;
+
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t a = d[i].weight_q16;
+
+        for (size_t k = 0; k < 3; k++) {
+            const uint32_t c = a ? (rgb[3 * i + k] * 65536u + a / 2) / a : 0;
+
+            to[4 * i + k] = (uint8_t)(c < 255 ? c : 255);
+        }
+        to[4 * i + 3] = (uint8_t)((255 * a + 32768) / 65536);
+    }
+}
+
 /* Copies what was drawn for an eye to its place in the picture. */
 static void place(const saga_sight *s, const saga_camera *c, int eye,
                   double unit)
@@ -98,9 +128,28 @@ static void place(const saga_sight *s, const saga_camera *c, int eye,
         if (s->kind == SAGA_SIGHT_COLOUR)
             memcpy((uint8_t *)s->all + 3 * to,
                    (const uint8_t *)s->eye + 3 * y * width, 3 * width);
+        else if (s->kind == SAGA_SIGHT_RGBA)
+            take_colours((uint8_t *)s->all + 4 * to, s, y * width, width);
         else
             take_values((float *)s->all + to, s, y * width, width, unit);
     }
+}
+
+/* Draws an eye; for SAGA_SIGHT_RGBA over black. */
+static bool draw_eye(saga_sight *s, saga_film *film, saga_camera *c,
+                     const uint32_t frame[2], saga_error *error)
+{
+    if (!has_colour(s))
+        return saga_film_draw_depth(film, c, frame[0], frame[1], s->eye, error);
+    if (s->kind == SAGA_SIGHT_RGBA)
+        memset(c->background_q15, 0, sizeof c->background_q15);
+    if (!saga_film_draw(film, c, frame[0], frame[1], s->eye, error))
+        return false;
+    if (s->rig >= 0)
+        saga_film_expose(film, (uint32_t)s->rig, s->eye,
+                         (size_t)c->width * c->height);
+    return s->kind == SAGA_SIGHT_COLOUR ||
+           saga_film_draw_depth(film, c, frame[0], frame[1], s->opacity, error);
 }
 
 bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
@@ -118,14 +167,8 @@ bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
         if (s->base > 0.0 &&
             !step_aside(&c, film, eye ? 0.5 * s->base : -0.5 * s->base, error))
             return false;
-        if (s->kind == SAGA_SIGHT_COLOUR
-                ? !saga_film_draw(film, &c, frame_num, frame_den, s->eye, error)
-                : !saga_film_draw_depth(film, &c, frame_num, frame_den, s->eye,
-                                        error))
+        if (!draw_eye(s, film, &c, (uint32_t[]){ frame_num, frame_den }, error))
             return false;
-        if (s->kind == SAGA_SIGHT_COLOUR && s->rig >= 0)
-            saga_film_expose(film, (uint32_t)s->rig, s->eye,
-                             (size_t)c.width * c.height);
         if (!is_drawn_in_place(s))
             place(s, &c, eye, film->metric.unit);
     }
@@ -163,6 +206,8 @@ bool saga_sight_write(const saga_sight *s, const char *name, int width,
     if (s->kind == SAGA_SIGHT_COLOUR)
         return exr ? saga_exr_write(name, all, height, s->all, error)
                    : saga_png_write(name, all, height, s->all, error);
+    if (s->kind == SAGA_SIGHT_RGBA)
+        return saga_png_write_rgba(name, all, height, s->all, error);
     if (!exr)
         return write_grey(s, name, all, height, error);
     return s->kind == SAGA_SIGHT_DEPTH

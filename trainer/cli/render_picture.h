@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The pictures of `saga render`: colours, depths or opacities, for one eye or
- * two.
+ * The pictures of `saga render`: colours, depths, opacities, or colours with
+ * their opacities, for one eye or two.
  *
  * For two eyes the camera is moved to the left and to the right without
  * turning. The two full pictures stand side by side in one of twice the width,
@@ -17,16 +17,19 @@ typedef enum saga_sight_kind {
     SAGA_SIGHT_DEPTH,  /* (H, W) float: expected depth along the camera's
                         * axis in the capture's units; 0: nothing is
                         * visible */
-    SAGA_SIGHT_ALPHA   /* (H, W) float, 0 to 1 */
+    SAGA_SIGHT_ALPHA,  /* (H, W) float, 0 to 1 */
+    SAGA_SIGHT_RGBA    /* (H, W, 4) uint8_t: straight colours, without any
+                        * background, and opacity */
 } saga_sight_kind;
 
 typedef struct saga_sight {
     saga_sight_kind kind;
-    double base; /* distance between the eyes in the capture's
-                  * units; 0: one eye */
-    int rig;     /* the camera of the file's rig whose tone the
-                  * picture gets; -1: the file's own tone */
-    void *eye;   /* the decoder's output for one eye */
+    double base;         /* distance between the eyes in the capture's
+                          * units; 0: one eye */
+    int rig;             /* the camera of the file's rig whose tone the
+                          * picture gets; -1: the file's own tone */
+    void *eye;           /* the decoder's output for one eye, */
+    saga_depth *opacity; /* and for SAGA_SIGHT_RGBA its opacities */
     void *all; /* the whole picture, as described at its kind; may equal eye */
 } saga_sight;
 
@@ -44,9 +47,9 @@ bool saga_sight_draw(saga_sight *sight, saga_film *film,
                      const saga_camera *camera, uint32_t frame_num,
                      uint32_t frame_den, saga_error *error);
 
-/* Writes the picture, with eyes of width x height: as .exr if the name ends so,
- * else as PNG. A PNG has depths in thousandths of the unit in 16 bits, limited
- * to 65535, and alpha scaled to 65535. */
+/* Writes the picture, with eyes of width x height: as .exr if the name ends so
+ * (not SAGA_SIGHT_RGBA), else as PNG. A PNG has depths in thousandths of the
+ * unit in 16 bits, limited to 65535, and alpha scaled to 65535. */
 bool saga_sight_write(const saga_sight *sight, const char *name, int width,
                       int height, saga_error *error);
 

@@ -2,9 +2,80 @@
 #include "render_video.h"
 
 #include "ffmpeg.h"
+#include "file.h"
 #include "ogg_opus.h"
 
 #include <stdio.h>
+
+/* With -xerror a write that fails is an error also where the file ends, behind
+ * which ffmpeg would otherwise report success. Chroma of half size needs even
+ * sides, so pictures are padded. */
+#define BEGIN "-y", "-xerror", "-vf"
+#define BT709 "scale=out_color_matrix=bt709:out_range=tv"
+#define EVEN ",pad=ceil(iw/2)*2:ceil(ih/2)*2"
+#define TAGS                                                           \
+    "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", \
+        "bt709", "-color_range", "tv"
+
+typedef struct {
+    const char *ending;
+    bool opacity;
+    const char *sound; /* its codec */
+    const char *words[32];
+} film_kind;
+
+static const film_kind kinds[] = {
+    { ".mp4",
+      false,
+      "aac",
+      { BEGIN, BT709 EVEN, "-c:v", "libx264", "-crf", "16", "-preset", "medium",
+        "-pix_fmt", "yuv420p", TAGS, "-movflags", "+faststart", "-f", "mp4",
+        NULL } },
+    { ".webm",
+      true,
+      "libopus",
+      /* VP9 keeps opacity only without alternate references. */
+      { BEGIN,
+        BT709 EVEN ":color=black@0",
+        "-c:v",
+        "libvpx-vp9",
+        "-crf",
+        "16",
+        "-b:v",
+        "0",
+        "-auto-alt-ref",
+        "0",
+        "-row-mt",
+        "1",
+        "-cpu-used",
+        "4",
+        "-pix_fmt",
+        "yuva420p",
+        TAGS,
+        "-f",
+        "webm",
+        NULL } },
+    { ".mov",
+      true,
+      "aac",
+      { BEGIN, BT709, "-c:v", "prores_ks", "-profile:v", "4444", "-pix_fmt",
+        "yuva444p10le", TAGS, "-f", "mov", NULL } }
+};
+
+/* Returns the kind of film that a name has, or NULL. */
+static const film_kind *kind_of(const char *path, bool opacity)
+{
+    for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++)
+        if (kinds[i].opacity == opacity &&
+            saga_has_suffix(path, kinds[i].ending))
+            return &kinds[i];
+    return NULL;
+}
+
+bool saga_film_has_name(const char *path, bool opacity)
+{
+    return kind_of(path, opacity) != NULL;
+}
 
 /* Words for ffmpeg that are formatted from a plan. */
 typedef struct {
@@ -36,56 +107,32 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
                            const saga_film_plan *plan, saga_error *error)
 {
     const saga_film_sound *const sound = &plan->sound;
+    const film_kind *const kind = kind_of(path, plan->opacity);
     words say;
-    /* Chroma of half size needs even sides, so pictures are padded. */
-    static const char even_bt709[] = "scale=out_color_matrix=bt709:"
-                                     "out_range=tv,"
-                                     "pad=ceil(iw/2)*2:ceil(ih/2)*2";
-    const char *const pictures[] = { "-pix_fmt", "rgb24",  "-s", say.size,
-                                     "-r",       say.rate, NULL };
-    /* With -xerror a write that fails is an error also where the file ends,
-     * behind which ffmpeg would otherwise report success. */
-    const char *const film[] = { "-y",
-                                 "-xerror",
-                                 "-vf",
-                                 even_bt709,
-                                 "-c:v",
-                                 "libx264",
-                                 "-crf",
-                                 "16",
-                                 "-preset",
-                                 "medium",
-                                 "-pix_fmt",
-                                 "yuv420p",
-                                 "-colorspace",
-                                 "bt709",
-                                 "-color_primaries",
-                                 "bt709",
-                                 "-color_trc",
-                                 "bt709",
-                                 "-color_range",
-                                 "tv",
-                                 "-movflags",
-                                 "+faststart",
-                                 "-f",
-                                 "mp4",
-                                 NULL };
+    const char *const pictures[] = {
+        "-pix_fmt", plan->opacity ? "rgba" : "rgb24",
+        "-s",       say.size,
+        "-r",       say.rate,
+        NULL
+    };
     const char *const silent[] = { say.name, NULL };
-    const char *const with_sound[] = { "-af", say.shift,   "-c:a",   "aac",
-                                       "-t",  say.seconds, say.name, NULL };
+    const char *const with_sound[] = { "-af",       say.shift, "-c:a",
+                                       kind->sound, "-t",      say.seconds,
+                                       say.name,    NULL };
     const saga_ffmpeg job = { "ffmpeg",
                               { { .format = "rawvideo", .words = pictures },
                                 { .path = sound->file,
                                   .format = "ogg",
                                   .offset = sound->offset,
                                   .nbytes = sound->nbytes } },
-                              film,
+                              kind->words,
                               sound->file ? with_sound : silent };
 
     if (!saga_output_open(&w->out, path, error))
         return false;
     write_words(&say, plan, w->out.temporary ? w->out.temporary : w->out.path);
-    w->picture_nbytes = (size_t)3 * (size_t)plan->width * (size_t)plan->height;
+    w->picture_nbytes = (size_t)(plan->opacity ? 4 : 3) * (size_t)plan->width *
+                        (size_t)plan->height;
     if (saga_ffmpeg_start(&w->ffmpeg, &job, error))
         return true;
     saga_output_close(&w->out, false, error);
@@ -99,14 +146,14 @@ static bool end_child(saga_film_writer *w, bool kill_it, saga_error *error)
     return (saga_child_end(&w->ffmpeg, kill_it) == 0 && !w->ffmpeg.tail[0]) ||
            saga_fail(error, w->out.path,
                      "check the free space of the disk and "
-                     "that ffmpeg has libx264",
+                     "that ffmpeg has libx264, libvpx-vp9 or prores_ks",
                      "ffmpeg failed: %s", w->ffmpeg.tail);
 }
 
-bool saga_film_writer_add(saga_film_writer *w, const uint8_t *rgb,
+bool saga_film_writer_add(saga_film_writer *w, const uint8_t *pixels,
                           saga_error *error)
 {
-    if (saga_child_write(&w->ffmpeg, rgb, w->picture_nbytes))
+    if (saga_child_write(&w->ffmpeg, pixels, w->picture_nbytes))
         return true;
     end_child(w, false, error);
     return saga_fail(error, w->out.path, "try another name",

@@ -55,6 +55,10 @@ int saga_picture_scratch(const char *path);
 bool saga_png_write(const char *path, int width, int height, const uint8_t *rgb,
                     saga_error *error);
 
+/* Writes a PNG of straight colours and opacity, (height, width, 4). */
+bool saga_png_write_rgba(const char *path, int width, int height,
+                         const uint8_t *rgba, saga_error *error);
+
 /* Writes a PNG of grey, (height, width), with 16 bits. */
 bool saga_png_write_grey(const char *path, int width, int height,
                          const uint16_t *grey, saga_error *error);

@@ -265,26 +265,26 @@ static bool png_read(const char *path, const saga_picture_wish *wish,
 
 const saga_picture_kind saga_png_kind = { 0, png_probe, png_read };
 
-/* Rows in PNG's form: RGB in 8 bits, or grey in 16 bits with the high byte
- * first. */
+/* Rows in PNG's form: RGB or RGBA in 8 bits, or grey in 16 bits with the high
+ * byte first. */
 typedef struct png_rows {
     const uint8_t *bytes;
-    int width, height;
-    bool grey;
+    int width, height, pixel_nbytes;
+    int colours; /* PNG_COLOR_TYPE_.. */
 } png_rows;
 
 static bool write_rows(png_job *job, const png_rows *rows)
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
-    const size_t row_nbytes = (size_t)rows->width * (rows->grey ? 2 : 3);
+    const bool grey = rows->colours == PNG_COLOR_TYPE_GRAY;
+    const size_t row_nbytes = (size_t)rows->width * (size_t)rows->pixel_nbytes;
     png_init_io(job->png, job->file);
     png_set_IHDR(job->png, job->info, (png_uint_32)rows->width,
-                 (png_uint_32)rows->height, rows->grey ? 16 : 8,
-                 rows->grey ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB,
+                 (png_uint_32)rows->height, grey ? 16 : 8, rows->colours,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                  PNG_FILTER_TYPE_DEFAULT);
-    if (!rows->grey)
+    if (!grey)
         png_set_sRGB(job->png, job->info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_set_compression_level(job->png, 6);
     png_write_info(job->png, job->info);
@@ -311,7 +311,16 @@ static bool write_png(const char *path, const png_rows *rows, saga_error *error)
 bool saga_png_write(const char *path, int width, int height, const uint8_t *rgb,
                     saga_error *error)
 {
-    return write_png(path, &(png_rows){ rgb, width, height, false }, error);
+    return write_png(
+        path, &(png_rows){ rgb, width, height, 3, PNG_COLOR_TYPE_RGB }, error);
+}
+
+bool saga_png_write_rgba(const char *path, int width, int height,
+                         const uint8_t *rgba, saga_error *error)
+{
+    return write_png(
+        path, &(png_rows){ rgba, width, height, 4, PNG_COLOR_TYPE_RGB_ALPHA },
+        error);
 }
 
 bool saga_png_write_grey(const char *path, int width, int height,
@@ -325,8 +334,9 @@ bool saga_png_write_grey(const char *path, int width, int height,
         bytes[2 * i] = (uint8_t)(grey[i] >> 8);
         bytes[2 * i + 1] = (uint8_t)grey[i];
     }
-    const bool ok = write_png(path, &(png_rows){ bytes, width, height, true },
-                              error);
+    const bool ok = write_png(
+        path, &(png_rows){ bytes, width, height, 2, PNG_COLOR_TYPE_GRAY },
+        error);
     free(bytes);
     return ok;
 }
