@@ -63,6 +63,34 @@ TEST_IN_FOLDER(frame_folders_should_be_the_scene)
     check_same(f->path, "frame folders, COLMAP in each", N_FRAMES, LOSSLESS);
 }
 
+/* The digest of a view's pictures must not depend on threads nor on where they
+ * are kept, but on each of them and on their order. */
+TEST_IN_FOLDER(digest_should_depend_on_all_pictures)
+{
+    FREED_BY(saga_capture_free) saga_capture a, b, swapped, other;
+    saga_capture_options o = saga_capture_defaults();
+
+    write_model(f, "sparse/0", camera_alone, 1);
+    write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
+    o.n_threads = 3;
+    a = load_with(f->path, &o);
+    o.n_threads = 1;
+    o.scratch = f->path;
+    b = load_with(f->path, &o);
+    folder_run(f, "cd images/cam01 && set -- * && mv $1 x && mv $2 $1 && "
+                  "mv x $2");
+    swapped = load_with(f->path, &o);
+    folder_run(f, "cd images/cam02 && set -- * && cp $1 $3");
+    other = load_with(f->path, &o);
+    for (int v = 0; v < N_VIEWS; v++) {
+        assert_true(a.views[v].digest != 0);
+        assert_true(a.views[v].digest == b.views[v].digest);
+        assert_true((b.views[v].digest == swapped.views[v].digest) == (v != 1));
+        assert_true((swapped.views[v].digest == other.views[v].digest) ==
+                    (v != 2));
+    }
+}
+
 /* --- Blender ------------------------------------------------------------- */
 
 /* The capture has three training cameras and one test camera; names have no

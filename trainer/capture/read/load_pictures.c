@@ -231,6 +231,13 @@ static bool cut_out(const saga_load_job *job, int v, int k, const canvas *c,
     return true;
 }
 
+/* Tells whether a view's digest is of its pictures as filmed. A subject is cut
+ * out by masks, which change pixels. */
+static bool is_of_film(const saga_load_job *job, const saga_source_view *view)
+{
+    return view->filmed.depth && !job->options->subject;
+}
+
 /* Fills a view's picture, and its mask if that is here; a mask of its own takes
  * precedence over opacity. */
 static bool fill_picture(const saga_load_job *job, int v, int k,
@@ -238,43 +245,26 @@ static bool fill_picture(const saga_load_job *job, int v, int k,
                          saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
+    saga_source_view *const view = &job->capture->views[v];
     const bool subject = job->options->subject;
+    const bool same = !remap->taps && remap->scale == 1;
     const size_t n = (size_t)s->width * (size_t)s->height;
+    uint8_t *const to = frame_to_fill(job, v, k);
     if (from->opacity)
         split_opacity(from->pixels, n, from->mask);
     if (from->opacity && !subject)
         split_grey(from->mask, n, 128);
     if (subject && !cut_out(job, v, k, from, error))
         return false;
-    if (job->capture->pixels.at && !remap->taps && remap->scale == 1)
-        saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
-                          from->pixels,
-                          saga_view_frame_nbytes(&job->capture->views[v]));
+    if (same && job->capture->pixels.at)
+        saga_scratch_copy(&job->capture->pixels, to, from->pixels, 3 * n);
     else
-        saga_remap_rgb(remap, from->pixels, frame_to_fill(job, v, k));
+        saga_remap_rgb(remap, from->pixels, to);
+    if (!is_of_film(job, view))
+        saga_view_add_digest(view, k, same ? from->pixels : to,
+                             saga_view_frame_nbytes(view));
     return !from->mask || (mask_file(job, v, k) && !subject) ||
            fill_mask(job, v, k, remap, from->mask, error);
-}
-
-/* Adds n bytes to a digest, in four parts at a time, since a digest of single
- * bytes would take as long as decoding. */
-static uint64_t add_digest(uint64_t sum, const uint8_t *bytes, size_t n)
-{
-    enum { LANES = 4, WORD = 8 };
-    const uint64_t factor = 0x9e3779b97f4a7c15u;
-    uint64_t lane[LANES] = { sum, 1, 2, 3 }, word;
-    size_t i = 0;
-    for (; i + LANES * WORD <= n; i += LANES * WORD)
-        for (size_t k = 0; k < LANES; k++) {
-            memcpy(&word, bytes + i + k * WORD, WORD);
-            lane[k] = (lane[k] ^ word) * factor;
-            lane[k] ^= lane[k] >> 29;
-        }
-    for (; i < n; i++)
-        lane[0] = (lane[0] ^ bytes[i]) * factor;
-    for (size_t k = 1; k < LANES; k++)
-        lane[0] = ((lane[0] ^ lane[0] >> 32) + lane[k]) * factor;
-    return lane[0] ? lane[0] : 1;
 }
 
 /* Returns the number of the video's frames up to the last that is used. */
@@ -296,8 +286,8 @@ static bool take_frame(const saga_load_job *job, int v, int k,
     saga_source_view *const view = &job->capture->views[v];
     const int size[2] = { s->width, s->height };
     const size_t n = saga_filmed_nbytes(at->how.depth, size[0], size[1]);
-    if (view->filmed.depth)
-        view->digest = add_digest(view->digest, at->filmed, n);
+    if (is_of_film(job, view))
+        saga_view_add_digest(view, k, at->filmed, n);
     if (view->as_filmed) {
         saga_scratch_copy(&job->capture->pixels, frame_to_fill(job, v, k),
                           at->filmed, n);

@@ -25,6 +25,35 @@ void saga_capture_free(saga_capture *capture)
     *capture = (saga_capture){ 0 };
 }
 
+/* Returns a digest of n bytes, in four parts at a time, since a digest of
+ * single bytes would take as long as decoding. */
+static uint64_t digest_of(uint64_t sum, const uint8_t *bytes, size_t n)
+{
+    enum { LANES = 4, WORD = 8 };
+    const uint64_t factor = 0x9e3779b97f4a7c15u;
+    uint64_t lane[LANES] = { sum, 1, 2, 3 }, word;
+    size_t i = 0;
+    for (; i + LANES * WORD <= n; i += LANES * WORD)
+        for (size_t k = 0; k < LANES; k++) {
+            memcpy(&word, bytes + i + k * WORD, WORD);
+            lane[k] = (lane[k] ^ word) * factor;
+            lane[k] ^= lane[k] >> 29;
+        }
+    for (; i < n; i++)
+        lane[0] = (lane[0] ^ bytes[i]) * factor;
+    for (size_t k = 1; k < LANES; k++)
+        lane[0] = ((lane[0] ^ lane[0] >> 32) + lane[k]) * factor;
+    return lane[0];
+}
+
+void saga_view_add_digest(saga_source_view *view, int frame,
+                          const uint8_t *bytes, size_t n)
+{
+    const uint64_t one = digest_of((uint64_t)frame + 1, bytes, n);
+#pragma omp atomic
+    view->digest += one;
+}
+
 void saga_capture_develop(const saga_capture *capture, int view, int frame)
 {
     const saga_source_view *const v = &capture->views[view];

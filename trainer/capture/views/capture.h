@@ -119,7 +119,7 @@ typedef struct saga_source_view {
     atomic_uchar *as_filmed; /* (n_frames) 1: the frame's place in rgb has the
                               * picture as filmed, until it is first needed;
                               * NULL: all are RGB */
-    uint64_t digest;         /* of what was filmed; 0: unknown */
+    uint64_t digest;         /* of the pictures as they were read; 0: unknown */
     bool *missing;           /* (n_frames) true: the frame has no picture, and
                               * rgb is that of the nearest frame that has one;
                               * NULL: none is missing */
@@ -202,6 +202,12 @@ static inline double saga_capture_seconds(const saga_capture *capture)
 
     return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
+
+/* Adds the n bytes of a picture to its view's digest. This is done while they
+ * are at hand, since later they may be on the disk. Threads may add pictures in
+ * any order. */
+void saga_view_add_digest(saga_source_view *view, int frame,
+                          const uint8_t *bytes, size_t n);
 
 /* Converts a picture to RGB if it is still as filmed. */
 void saga_capture_develop(const saga_capture *capture, int view, int frame);

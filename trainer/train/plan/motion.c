@@ -49,9 +49,13 @@ double saga_plan_change(const saga_capture *c)
 
     for (int v = 0; v < c->n_views; v++) {
         const size_t size = saga_view_frame_nbytes(&c->views[v]);
-        const uint8_t *const middle = saga_capture_frame(c, v, c->n_frames / 2);
+        const uint8_t *middle;
 
-        for (int i = 0; i < n && !c->views[v].held_out; i++) {
+        /* Held-out pictures count for nothing, and need not be read. */
+        if (c->views[v].held_out)
+            continue;
+        middle = saga_capture_frame(c, v, c->n_frames / 2);
+        for (int i = 0; i < n; i++) {
             const uint8_t *const now = saga_capture_frame(
                 c, v, (int)((int64_t)i * c->n_frames / n));
 

@@ -99,7 +99,8 @@ bool saga_train_look_at(saga_train *t, const saga_capture *capture,
         saga_pictures_free(&t->pictures);
         return false;
     }
-    /* The digest reads every pixel, and only checkpoints need it. */
+    /* Only checkpoints need the digest, which reads all masks and, if the
+     * pictures were not loaded from files, all pixels. */
     if (t->o.checkpoint || t->o.above)
         t->digest = saga_pictures_digest(&t->pictures);
     saga_train_show_base(t);
