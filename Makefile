@@ -350,7 +350,7 @@ HAS_WASM := $(and $(shell command -v $(WASM_CC)),$(shell command -v $(WASM_LD)))
 WEB = $(BUILD)/web
 WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \
     $(addprefix ports/web/*.,html css js)))) $(if $(HAS_WASM),saga.wasm \
-    saga_simd.wasm))
+    saga_simd.wasm whole.html))
 # These files go into the packages of `npm pack` as well.
 WEB_PACK := $(patsubst ports/web/%,$(WEB)/%,$(sort $(wildcard ports/web/*.ts \
     ports/web/*.json ports/web/*.md)))
@@ -375,6 +375,11 @@ $(WEB)/%.wasm: $(BUILD)/sources
 	$(call say,LINK)
 	@mkdir -p $(@D)
 	$(WASM_LD) $(WASM_LDFLAGS) $(filter %.o,$^) -o $@
+
+# The page in one file, into which `saga export` puts a film.
+$(WEB)/whole.html: $(filter-out %/whole.html,$(WEB_FILES)) tools/whole.sh
+	$(call say,LINK)
+	tools/whole.sh $(WEB) >$@.part && mv $@.part $@
 
 $(ENGINE_FILES): $(BUILD)/%: ports/%
 	@mkdir -p $(@D)

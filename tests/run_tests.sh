@@ -304,6 +304,7 @@ many() {
         pass "reader skipped: node is not installed"
     fi
     check web python3 tests/cli/check_web.py
+    check whole python3 tests/cli/check_whole.py
     check player python3 tests/cli/check_player.py
     check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py

@@ -20,6 +20,7 @@ import builtins
 import ctypes
 import ctypes.util
 import functools
+import html
 import json
 import math
 import numbers
@@ -290,6 +291,30 @@ class Film:
             tuple(math.ldexp(m, h.centre_exponent)
                   for m in h.centre_mantissa))
 
+    @_in_turn
+    def _repr_html_(self):
+        """Returns a player of the film in a frame, which a notebook shows. The
+        program makes its page; without the program the film is shown as
+        text."""
+        with tempfile.TemporaryDirectory() as folder:
+            name = os.path.basename(self.info.name) or "film"
+            film, page = (os.path.join(folder, n) for n in (name, "page.html"))
+            with builtins.open(film, "wb") as f:
+                f.write(self._data)
+            try:
+                done = subprocess.run(
+                    [_program(), "export", film, "-o", page],
+                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            except OSError:
+                return None
+            if done.returncode:
+                return None
+            with builtins.open(page, encoding="utf-8") as f:
+                text = html.escape(f.read())
+        return (f'<iframe srcdoc="{text}" allow="fullscreen; xr-spatial-'
+                'tracking" style="width: 100%; aspect-ratio: 16 / 9; border: '
+                '0"></iframe>')
+
     def close(self):
         """Gives the film's memory back. Further calls are refused."""
         with self._lock:
@@ -480,11 +505,15 @@ def crc32c(data):
     return _lib().saga_crc32c(0, data, len(data))
 
 
+def _program():
+    return os.environ.get("SAGA", "saga")
+
+
 def encode(capture, output, **options):
     """Runs `saga encode` and returns its report. Options are those of the
     program with _ instead of -: encode(c, o, primitives=8000,
     hold_out="cam00", still=True)."""
-    words = [os.environ.get("SAGA", "saga"), "encode", os.fspath(capture),
+    words = [_program(), "encode", os.fspath(capture),
              "-o", os.fspath(output), "--json"]
     for name, value in options.items():
         if value is not False and value is not None:

@@ -8,6 +8,7 @@ import './player.js';
 import { FORMAT, parsePath } from './path.js';
 import { heightOf, widthOf } from './camera.js';
 import { visible } from './source.js';
+import { carriedFilm, wholePage } from './whole.js';
 
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -23,6 +24,7 @@ const { viewer } = player;
 let references = [];    // { camera, frame, crc }: known checksums of pictures
                         // of the open file
 let keys = [];          // key cameras of the path
+let opened = null;      // the file that is shown, or its address
 let noted = null;       // the last state that was written to the address
 let settling = 0;       // the timer of SETTLED_MS
 
@@ -46,6 +48,7 @@ function dismiss() {
 
 async function open(source, pictures = []) {
     references = pictures;
+    opened = source;
     setState('loading');
     try {
         await player.open(source);
@@ -63,8 +66,20 @@ function askedFrame() {
     return Number(asked.get('frame') || 0);
 }
 
+// Returns the film of a page that has it in it, or else its address.
+async function askedFilm() {
+    try {
+        return await carriedFilm(carried.name) ?? (asked.get('src') ||
+            carried.src);
+    } catch (error) {
+        tellProblem(`the film in this page cannot be unpacked (${
+            error.message}); use a browser of 2023 or later`);
+        return null;
+    }
+}
+
 async function openAsked() {
-    const src = asked.get('src') || carried.src;
+    const src = await askedFilm();
     const crc = asked.get('crc');
     const pictures = !asked.has('src') || src === carried.src
         ? carried.pictures : [];
@@ -131,7 +146,8 @@ function showState() {
 function noteState() {
     const state = viewer.toState();
 
-    if (noted === null || state === noted)
+    // A page inside another page has no address of its own.
+    if (noted === null || state === noted || location.protocol === 'about:')
         return;
     noted = state;
     history.replaceState(null, '', '#' + state);
@@ -219,6 +235,26 @@ function showDrawn() {
     showNumbers();
 }
 
+// --- Saving ----------------------------------------------------------------
+
+// Saves a blob under the film's name with another ending.
+function save(blob, ending) {
+    const link = document.createElement('a');
+
+    link.href = URL.createObjectURL(blob);
+    link.download = viewer.name.replace(/\.saga$/, '') + ending;
+    link.click();
+    URL.revokeObjectURL(link.href);
+}
+
+async function savePage() {
+    try {
+        save(await wholePage(opened, viewer), '.html');
+    } catch (error) {
+        tellProblem(error.message);
+    }
+}
+
 // --- A path ----------------------------------------------------------------
 
 function addKey() {
@@ -266,13 +302,9 @@ function savePath() {
     const { lens, info } = viewer;
     const path = { format: FORMAT, fps: info.fps,
         size: [widthOf(lens), heightOf(lens)], keys };
-    const link = document.createElement('a');
 
-    link.href = URL.createObjectURL(new Blob(
-        [JSON.stringify(path, null, 1) + '\n'], { type: 'application/json' }));
-    link.download = viewer.name.replace(/\.saga$/, '') + '-path.json';
-    link.click();
-    URL.revokeObjectURL(link.href);
+    save(new Blob([JSON.stringify(path, null, 1) + '\n'],
+        { type: 'application/json' }), '-path.json');
 }
 
 // Opens a path. from: a File, or the promise of a Response.
@@ -334,6 +366,7 @@ on('show-stats', 'click', () => toggle('stats'));
 on('add-key', 'click', addKey);
 on('play-path', 'click', () => viewer.playPath(keys));
 on('save-path', 'click', savePath);
+on('save-page', 'click', savePage);
 on('clear-path', 'click', () => { keys = []; showKeys(); });
 on('file', 'change', () => {
     if ($('file').files.length)
@@ -369,6 +402,7 @@ if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
     viewer.setExact(true);
 viewer.simd = asked.get('simd') === '0' ? false : undefined;
 viewer.seconds = Number(asked.get('seconds')) || carried.seconds;
+$('save-page').hidden = Boolean($('film')); // the browser saves such a page
 $('stats').hidden = asked.get('stats') !== '1';
 $('path').hidden = !asked.has('path');
 viewer.wantCrc = true;

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
  * saga export writes the splats of a file for other programs: one frame, or
- * each of a sequence, as the output's name says.
+ * each of a sequence, as the output's name says. It also writes the whole film
+ * as a page.
  */
 #include "cli.h"
 #include "cloud_files.h"
 #include "commands.h"
 #include "error.h"
+#include "export_page.h"
 #include "file.h"
 #include "film_cloud.h"
 #include "model.h"
@@ -27,6 +29,8 @@ typedef struct {
     int frame, degree;  /* frame: -1 if not given */
     bool quiet;
 } options;
+
+enum { USUAL_DEGREE = 1 };
 
 typedef struct {
     const options *o;
@@ -205,6 +209,23 @@ static bool write_frame(session *s)
     return ok;
 }
 
+/* --- A page -------------------------------------------------------------- */
+
+static bool write_page(session *s)
+{
+    if (!saga_page_write(s->o->out, &s->film, &s->unwritten, &s->error))
+        return false;
+    saga_cli_print("%s: a page with the film, for any browser", s->o->out);
+    return true;
+}
+
+static bool is_page(const options *o)
+{
+    return saga_has_suffix(o->out, ".html");
+}
+
+/* --- Either -------------------------------------------------------------- */
+
 static void print_limits(const session *s)
 {
     note_colours(s);
@@ -231,7 +252,9 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
         find_camera(s) &&
-        (saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
+        (is_page(s->o)                 ? write_page(s)
+         : saga_is_numbered(s->o->out) ? write_sequence(s)
+                                       : write_frame(s)))
         print_limits(s);
     else
         status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
@@ -274,6 +297,19 @@ static int check_sequence(const options *o)
     return status;
 }
 
+/* A page has the film as it is. */
+static int check_page(const options *o)
+{
+    if (o->frame < 0 && !o->frames.a && !o->frames.b && !o->camera &&
+        o->degree == USUAL_DEGREE)
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE,
+                          "export: %s: a page has the whole film; --frame, "
+                          "--frames, --sh and --camera are for splats. `saga "
+                          "cut` makes a shorter film",
+                          o->out);
+}
+
 static int check_options(const options *o)
 {
     char known[SAGA_SUFFIXES_NBYTES];
@@ -281,11 +317,14 @@ static int check_options(const options *o)
     if (!o->out)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: -o OUT is missing; "
                                                "see `saga help export`");
+    if (is_page(o))
+        return check_page(o);
     saga_cloud_suffixes(known);
     if (!saga_cloud_format_of(o->out))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "export: %s: its ending "
-                              "belongs to no splat format; use one of %s",
+                              "belongs to no splat format; use one of %s, or "
+                              ".html for a page",
                               o->out, known);
     if (saga_is_numbered(o->out) ? o->frame >= 0 : o->frames.a || o->frames.b)
         return saga_cli_error(SAGA_EXIT_USAGE,
@@ -308,11 +347,12 @@ static void print_formats(void)
         (void)snprintf(text, sizeof text, "%s: %s", f->name, f->carries);
         saga_cli_row(f->suffix, text);
     }
+    saga_cli_row(".html", "page: the film itself, to be passed on");
 }
 
 static int run_export(int argc, char **argv)
 {
-    options o = { .frame = -1, .degree = 1 };
+    options o = { .frame = -1, .degree = USUAL_DEGREE };
     session s = { .o = &o, .colours = { .segment = -1 }, .camera = -1 };
     const char *name;
     saga_bytes bytes;
@@ -355,7 +395,7 @@ const saga_command saga_command_export = {
     "export",
     "FILE",
     1,
-    "writes the splats as PLY, SPZ, glTF or SOG",
+    "writes the splats as PLY, SPZ, glTF or SOG; the film as a page",
     "Writes the splats of one or several frames of a .saga file, for viewers\n"
     "and editors of Gaussian splatting. Lengths are in the capture's units.\n"
     "PLY and SOG keep the capture's axes, which viewers take as x right, y\n"
@@ -366,6 +406,12 @@ const saga_command saga_command_export = {
     "\n"
     "  saga export scene.saga -o scene.glb --frame 12\n"
     "  saga export scene.saga -o frames/scene_%04d.spz\n"
+    "  saga export scene.saga -o scene.html\n"
+    "\n"
+    "A page (.html) contains the player, the decoder, a poster and the film,\n"
+    "unchanged. It opens by a double click, without a server, an installation\n"
+    "or a network, in browsers from 2023 on, and has a third more bytes than\n"
+    "the film and about 250 kB.\n"
     "\n"
     "The pictures of a viewer differ from those of `saga render`: colours\n"
     "that depend on the view are approximated; an opacity above 1, which\n"

@@ -152,6 +152,15 @@ int saga_cli_write_json(json_t *o, size_t precision, const char *file)
     return status_of(&error);
 }
 
+void saga_cli_embed_json(FILE *page, const char *json)
+{
+    for (const char *p = json; *p; p++)
+        if (*p == '<')
+            fputs("\\u003c", page);
+        else
+            putc(*p, page);
+}
+
 int saga_cli_print_report(json_t *report, const saga_print_style *how,
                           const saga_line *lines, int n)
 {

@@ -11,6 +11,7 @@
 
 #include <jansson.h>
 #include <stdbool.h>
+#include <stdio.h>
 
 /* --- The tree ------------------------------------------------------------ */
 
@@ -75,6 +76,10 @@ int saga_cli_print_json(json_t *o, size_t precision, const char *file);
 
 /* Writes o to `file`, otherwise as saga_cli_print_json does. */
 int saga_cli_write_json(json_t *o, size_t precision, const char *file);
+
+/* Writes JSON into a script element of a page. "<" is escaped, because
+ * "</script>" in a name would end the element. */
+void saga_cli_embed_json(FILE *page, const char *json);
 
 /* --- Either -------------------------------------------------------------- */
 

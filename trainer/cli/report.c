@@ -188,17 +188,6 @@ static json_t *json_page(session *s)
 
 /* --- The page ------------------------------------------------------------ */
 
-/* Writes JSON inside a script element. "<" is escaped, because "</script>" in a
- * name would end the element. */
-static void put_json(FILE *f, const char *text)
-{
-    for (const char *p = text; *p; p++)
-        if (*p == '<')
-            fputs("\\u003c", f);
-        else
-            putc(*p, f);
-}
-
 static void put_page(FILE *f, const char *json)
 {
     const saga_view_file *const page = &saga_report_files[0];
@@ -210,7 +199,7 @@ static void put_page(FILE *f, const char *json)
         at++;
     at += strlen("id=\"data\">");
     fwrite(text, 1, (size_t)(at - text), f);
-    put_json(f, json);
+    saga_cli_embed_json(f, json);
     at += strlen("null");
     fwrite(at, 1, page->nbytes - (size_t)(at - text), f);
 }
