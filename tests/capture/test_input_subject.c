@@ -82,6 +82,8 @@ TEST_IN_FOLDER(subject_should_be_refused_when_nothing_shows_it)
     const saga_capture_options o = subject(1);
 
     write_picture(f);
+    refused_with(f->path, &o, picture, "nothing tells the subject");
+    write_grey(f, "masks/a.png", W, H, 255, 255);
     refused_with(f->path, &o, f->path, "is the whole of all pictures");
     write_grey(f, "masks/a.png", W, H, 0, 0);
     refused_with(f->path, &o, f->path, "is in none of all pictures");

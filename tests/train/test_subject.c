@@ -3,31 +3,32 @@
  * What surrounds a subject becomes transparent: its training pictures are over
  * random backgrounds, and in a trained file the opacity is that of the masks.
  */
+#include "capture_files.h"
+#include "cube.h"
 #include "evaluate.h"
 #include "tiny_training.h"
 
-#include <unistd.h>
-
-enum { N_VIEWS = 5 };
+enum { N_VIEWS = 5, W = 64, H = 36 };
 
 /* The room's things without the room. */
 static saga_capture things;
 
 static int open_things(void **state)
 {
-    saga_synth_options s = synth_options(64, 36, N_VIEWS, 3, 300);
+    saga_synth_options s = synth_options(W, H, N_VIEWS, 3, 300);
     saga_capture_options o = saga_capture_defaults();
-    char folder[] = "/tmp/test_subject.XXXXXX", path[40], command[60];
+    void *f;
 
     (void)state;
     s.masks = true;
+    s.depth_every = 1;
     o.subject = true;
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/room", folder);
-    assert_done(saga_synth_write(path, &s, &error));
-    assert_done(saga_capture_load(&things, path, &o, &error));
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    return system(command);
+    o.want_depth = true;
+    if (folder_make(&f))
+        return 1;
+    assert_done(saga_synth_write(folder_file(f, "room"), &s, &error));
+    things = load_with(folder_file(f, "room"), &o);
+    return folder_remove(&f);
 }
 
 static int close_things(void **state)
@@ -38,6 +39,113 @@ static int close_things(void **state)
 }
 
 TEST_GROUP(open_things, close_things);
+
+/* The box must hold the places that training views show of the subject, by the
+ * scene's true depths. */
+TEST(box_should_hold_what_the_masks_show)
+{
+    double box[6];
+    int n_shown = 0;
+
+    assert_done(saga_cube_subject(box, &things, &error));
+    for (int i = 0; i < N_VIEWS * things.n_frames * W * H; i++) {
+        const int v = i % N_VIEWS, frame = i / N_VIEWS % things.n_frames;
+        const int at = i / N_VIEWS / things.n_frames;
+        double x[3];
+
+        if (things.views[v].held_out ||
+            saga_capture_mask(&things, v, frame)[at] < 255)
+            continue;
+        n_shown++;
+        saga_view_lift(&things.views[v],
+                       (double[]){ at % W + 0.5, at / W + 0.5 },
+                       (double)saga_capture_depth(&things, v, frame)[at], x);
+        for (int k = 0; k < 3; k++)
+            assert_true(x[k] > box[k] && x[k] < box[3 + k]);
+    }
+    assert_true(n_shown > 1000);
+}
+
+enum { N_ROUND = 8, SIDE = 96 };
+
+/* Makes view v of eight that look from all sides, 5 away, at the middle. */
+static void stand_round(saga_source_view *view, int v)
+{
+    const double c = cos(v * 3.14159265 / 4), s = sin(v * 3.14159265 / 4);
+    const double r[9] = { -s, c, 0, 0, 0, -1, -c, -s, 0 };
+
+    *view = (saga_source_view){ .width = SIDE,
+                                .height = SIDE,
+                                .fx = SIDE,
+                                .fy = SIDE,
+                                .cx = SIDE / 2.0,
+                                .cy = SIDE / 2.0,
+                                .translation = { 0, 0, 5 } };
+    memcpy(view->rotation, r, sizeof r);
+}
+
+/* Marks the pixels whose rays pass a ball. */
+static void mark_ball(uint8_t *mask, const saga_source_view *v,
+                      const double ball[3], double radius)
+{
+    double c[3];
+
+    saga_view_transform(v, ball, c);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const double d[3] = { (i % SIDE + 0.5 - v->cx) / v->fx,
+                              (i / SIDE + 0.5 - v->cy) / v->fy, 1 };
+        const double t = (c[0] * d[0] + c[1] * d[1] + c[2]) /
+                         (d[0] * d[0] + d[1] * d[1] + 1);
+
+        mask[i] = hypot(hypot(c[0] - t * d[0], c[1] - t * d[1]), c[2] - t) <
+                          radius
+                      ? 255
+                      : 0;
+    }
+}
+
+/* Eight views see a ball inside an octagon around it, which is 1 / cos 22.5
+ * degrees = 1.08 as wide; a margin of 6 % of the width and two pixels, a tenth
+ * of a unit each way, are added. A mask that is empty by mistake changes
+ * little; masks of two different balls are refused, unless a box is given. */
+TEST(box_should_be_as_small_as_the_subject)
+{
+    static const double ball[3] = { 0.4, -0.3, 0.2 },
+                        other[3] = { -0.6, 1, -1 };
+    static const double radius = 0.5;
+    saga_source_view view[N_ROUND];
+    uint8_t mask[N_ROUND][SIDE * SIDE];
+    saga_capture c = { .n_views = N_ROUND,
+                       .n_frames = 1,
+                       .n_learned = N_ROUND,
+                       .subject = true,
+                       .views = view };
+    saga_error failed = { "" };
+    double box[6];
+
+    for (int v = 0; v < N_ROUND; v++) {
+        stand_round(&view[v], v);
+        view[v].mask = mask[v];
+        mark_ball(mask[v], &view[v], ball, radius);
+    }
+    for (int empty = 0; empty < 2; empty++) {
+        assert_done(saga_cube_subject(box, &c, &error));
+        for (int k = 0; k < 3; k++) {
+            assert_true(box[k] < ball[k] - radius + 0.05);
+            assert_true(box[3 + k] > ball[k] + radius - 0.05);
+            assert_near(box[k], ball[k] - radius, 0.25);
+            assert_near(box[3 + k], ball[k] + radius, 0.25);
+        }
+        memset(mask[3], 0, sizeof mask[3]);
+    }
+    for (int v = 0; v < N_ROUND; v += 2)
+        mark_ball(mask[v], &view[v], other, radius / 4);
+    assert_false(saga_cube_subject(box, &c, &failed));
+    assert_says(&failed, "no place is inside the masks");
+    c.box[3] = c.box[4] = c.box[5] = 1;
+    assert_done(saga_cube_subject(box, &c, &error));
+    assert_memory_equal(box, c.box, sizeof box);
+}
 
 /* Backgrounds are uniform, and the truth is the picture over its background,
  * at full size and halved. */
@@ -109,7 +217,7 @@ static double iou_of(const trained *t, saga_eval *eval)
 static double plain_iou(const trained *t, const saga_eval *eval)
 {
     FREED_BY(saga_film_close) saga_film film;
-    const int n = 64 * 36;
+    const int n = W * H;
     uint8_t rgb[2][TINY_PICTURE];
     double both = 0, any = 0;
 

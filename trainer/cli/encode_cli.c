@@ -11,6 +11,7 @@
 #include "json_memory.h"
 #include "sweep.h"
 
+#include <math.h>
 #include <signal.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -164,6 +165,23 @@ static int encode_command(int argc, char **argv)
 
 /* --- The table ----------------------------------------------------------- */
 
+/* Reads six numbers, of which the first three are below the last three. */
+static bool read_box(void *to, const char *text, const saga_cli_option *option)
+{
+    double *const box = to;
+
+    (void)option;
+    for (int i = 0; i < 6; i++) {
+        char *end;
+
+        box[i] = strtod(text, &end);
+        if (end == text || *end != (i < 5 ? ',' : '\0') || !isfinite(box[i]))
+            return false;
+        text = end + 1;
+    }
+    return box[0] < box[3] && box[1] < box[4] && box[2] < box[5];
+}
+
 #define AT(member) offsetof(saga_encode_options, member)
 
 static const saga_cli_option option_list[] = {
@@ -269,6 +287,10 @@ static const saga_cli_option option_list[] = {
       "length in metres of one unit of the capture, stored in\n"
       "the file (default: what the capture says)",
       saga_cli_real, AT(metres), 0, 0 },
+    { "--box", "X,Y,Z,X,Y,Z",
+      "least and greatest coordinates of the subject of\n"
+      "--subject, in the capture's units (default: by the masks)",
+      read_box, AT(box), 0, 0 },
     { "--no-refine", NULL,
       "do not refine poses and lenses before the training. By\n"
       "default they are refined if that also improves matches\n"

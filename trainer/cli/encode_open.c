@@ -9,6 +9,7 @@
 
 #include "alloc.h"
 #include "clock.h"
+#include "cube.h"
 #include "file.h"
 #include "level_room.h"
 #include "motion.h"
@@ -211,17 +212,38 @@ static int check_views(const saga_encode_session *s, int segment, int n_views)
                                 s->capture.n_views, segment, n_views);
 }
 
-/* Sets *first to the segment with the most change, which makes the networks.
- * All segments are read for it, so that what cannot be read is found before
- * anything is trained. */
+/* Extends a box to the subject of the loaded segment, if it has one. */
+static bool add_box(double box[6], saga_encode_session *s)
+{
+    double own[6];
+
+    if (!s->capture.subject)
+        return true;
+    if (!saga_cube_subject(own, &s->capture, &s->error))
+        return false;
+    for (int k = 0; k < 3; k++) {
+        box[k] = fmin(box[k], own[k]);
+        box[3 + k] = fmax(box[3 + k], own[3 + k]);
+    }
+    return true;
+}
+
+/* Sets *first to the segment with the most change, which makes the networks,
+ * and finds the box of a subject over all of them. All segments are read for
+ * it, so that what cannot be read is found before anything is trained. */
 static int find_first(saga_encode_session *s, int *first)
 {
+    double box[6] = { INFINITY,  INFINITY,  INFINITY,
+                      -INFINITY, -INFINITY, -INFINITY };
     double most = -1;
     int n_views = 0;
 
     *first = 0;
+    memcpy(s->box, s->o->box, sizeof s->box);
     /* A single segment needs no measurement. */
-    for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
+    if (s->n_segments == 1)
+        return SAGA_EXIT_OK;
+    for (int i = 0; i < s->n_segments; i++) {
         int status = saga_encode_load(s, i);
         double change;
 
@@ -230,13 +252,28 @@ static int find_first(saga_encode_session *s, int *first)
             status = check_views(s, i, n_views);
         if (status)
             return status;
+        if (!add_box(box, s))
+            return saga_encode_failed(s, SAGA_EXIT_DATA);
         change = saga_plan_change(&s->capture);
         if (change > most) {
             most = change;
             *first = i;
         }
     }
+    if (s->capture.subject)
+        memcpy(s->box, box, sizeof box);
     return SAGA_EXIT_OK;
+}
+
+/* Finds the box of a subject in the only segment, unless it is known. */
+static bool find_box(saga_encode_session *s)
+{
+    if (!s->capture.subject)
+        return true;
+    if (!saga_cube_subject(s->box, &s->capture, &s->error))
+        return false;
+    memcpy(s->capture.box, s->box, sizeof s->box);
+    return true;
 }
 
 /* Sets t->first to the segment that the checkpoint was in, and adopts its plan.
@@ -314,6 +351,7 @@ static int open_training(saga_encode_session *s)
 {
     const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
     saga_train_options t = train_options(s);
+    const bool known = resume || t.networks;
     int status;
 
     if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
@@ -330,14 +368,17 @@ static int open_training(saga_encode_session *s)
                        s->checkpoint);
     /* The first segment is given by the checkpoint or the file of networks.
      * Otherwise all segments are loaded to find the one with the most
-     * change. */
-    status = resume       ? find_stopped(s, &t)
-             : t.networks ? adopt_networks(s, &t)
-                          : find_first(s, &t.first);
+     * change; and of a subject always, to find its box. */
+    status = known && !s->o->capture.subject ? SAGA_EXIT_OK
+                                             : find_first(s, &t.first);
+    if (!status && known)
+        status = resume ? find_stopped(s, &t) : adopt_networks(s, &t);
     if (!status)
         status = saga_encode_load(s, t.networks ? t.only : t.first);
     if (status)
         return status;
+    if (!find_box(s))
+        return saga_encode_failed(s, SAGA_EXIT_DATA);
     /* The plan needs the loaded capture, because it depends on its pixels and
      * motion. */
     plan(s, &t, resume);
@@ -381,7 +422,14 @@ static void print_isa(const saga_encode_plan *plan)
 /* Reports the reasons for values that the user did not give. */
 static void print_plan(const saga_encode_session *s)
 {
+    const double *const b = s->box;
+
     print_isa(&s->plan);
+    if (s->capture.subject)
+        saga_cli_error(0,
+                       "encode: the subject is within --box "
+                       "%.4g,%.4g,%.4g,%.4g,%.4g,%.4g",
+                       b[0], b[1], b[2], b[3], b[4], b[5]);
     if (s->plan.why.primitives[0])
         saga_cli_error(0, "encode: %s", s->plan.why.primitives);
     if (s->plan.why.iterations[0])

@@ -54,6 +54,8 @@ static const char *contradiction(const saga_encode_options *o,
     } wrong[] = {
         { !o->output && o->sweep, "the output is missing; give -o FOLDER" },
         { !o->output, "the output is missing; give -o FILE.saga" },
+        { o->box[0] < o->box[3] && !o->capture.subject,
+          "--box is the box of a subject; give --subject too" },
         { o->still && o->moving, "--still and --moving exclude each other" },
         { (o->lambda > 0) + (o->size > 0) + (o->bitrate > 0) + o->sweep > 1,
           "give only one of --lambda, --size, --bitrate and --sweep: each "
@@ -177,6 +179,10 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     saga_put_int(list, "seed", o->seed);
     saga_put_flag(list, "alpha_masks", c->alpha_masks);
     saga_put_flag(list, "subject", c->subject);
+    if (o->box[0] < o->box[3])
+        saga_put(list, "box",
+                 json_pack("[ffffff]", o->box[0], o->box[1], o->box[2],
+                           o->box[3], o->box[4], o->box[5]));
     saga_put_real(list, "lambda", o->lambda);
     saga_put_real(list, "size", o->size);
     saga_put_real(list, "bitrate", o->bitrate);

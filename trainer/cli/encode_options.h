@@ -48,6 +48,7 @@ typedef struct saga_encode_options {
 
     /* How to train. */
     double metres;    /* metres per unit of the capture; 0: from the capture */
+    double box[6];    /* of --subject, as saga_capture.box; 0: by the masks */
     bool no_refine;   /* use poses and lenses as they are */
     bool no_exposure; /* do not store the exposures of the cameras */
     bool still, moving; /* override the measurement of motion */

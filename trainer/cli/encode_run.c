@@ -59,6 +59,8 @@ static void print_base(const saga_encode_session *s)
     else if (b->why == SAGA_TRAIN_WANDERS)
         saga_cli_error(0, "encode: no base: all cameras move, so that it is "
                           "unknown what stands still");
+    else if (b->why == SAGA_TRAIN_SUBJECT)
+        saga_cli_error(0, "encode: no base: a subject is taken to move");
 }
 
 /* Sets *next to what is trained next, and returns false if training ends. A

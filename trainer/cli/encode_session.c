@@ -108,6 +108,7 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s)
         c.late = s->poses.late;
         c.any_length = true;
     }
+    memcpy(c.box, s->box, sizeof c.box);
     c.metres = s->o->metres;
     c.progress = saga_encode_loading;
     c.progress_user = s;

@@ -37,7 +37,8 @@ typedef struct saga_encode_session {
     const char *capture_name;
     saga_capture whole; /* the capture's listing, without pictures */
     int n_segments;
-    int scale; /* pictures are loaded at 1/scale of their size */
+    int scale;     /* pictures are loaded at 1/scale of their size */
+    double box[6]; /* of the subject, in all segments; 0: none is known */
     saga_encode_poses poses;
     saga_encode_plan plan;
     char *checkpoint;

@@ -4,17 +4,20 @@
  * capture, or from points that it sees, or from the crossing of the optical
  * axes. The cube then contains everything that at least two views see within
  * their ranges, on a coarse grid of samples, and the points that pictures show,
- * without outliers.
+ * without outliers. Of a subject it is then cropped to the box that is given or
+ * that the masks determine, and so are the ranges.
  */
 #include "cube.h"
 
 #include "alloc.h"
 #include "camera.h"
+#include "hull.h"
 #include "order.h"
 #include "vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum {
     GRID = 9,       /* samples per side of a view's picture */
@@ -278,22 +281,86 @@ static void include_points(double lo[3], double hi[3], const saga_capture *c,
     include(lo, hi, b);
 }
 
-bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
-                   saga_error *error)
+/* Sets the ranges of depths to those of the box's corners. The nearest is at
+ * least a fiftieth of the farthest, for cameras inside the box. */
+static void crop_ranges(double *range, const saga_capture *c,
+                        const double lo[3], const double hi[3])
 {
-    double lo[3] = { INFINITY, INFINITY, INFINITY };
-    double hi[3] = { -INFINITY, -INFINITY, -INFINITY };
+    for (int v = 0; v < c->n_views; v++) {
+        double near = INFINITY, far = 0;
+
+        for (int i = 0; i < 8; i++) {
+            const double corner[3] = { i & 1 ? hi[0] : lo[0],
+                                       i & 2 ? hi[1] : lo[1],
+                                       i & 4 ? hi[2] : lo[2] };
+            double cam[3];
+
+            saga_view_transform(c->views + v, corner, cam);
+            near = fmin(near, cam[2]);
+            far = fmax(far, cam[2]);
+        }
+        /* A camera that looks away keeps its range. */
+        if (!(far > 0))
+            continue;
+        range[2 * v] = fmax(near, far / 50);
+        range[2 * v + 1] = far;
+    }
+}
+
+/* Crops lo..hi and the ranges to the subject. */
+static bool crop(double lo[3], double hi[3], double *range,
+                 const saga_capture *c, saga_error *error)
+{
+    if (c->box[0] < c->box[3]) {
+        memcpy(lo, c->box, 3 * sizeof *lo);
+        memcpy(hi, c->box + 3, 3 * sizeof *hi);
+    } else if (!saga_hull_box(lo, hi, c, error)) {
+        return false;
+    }
+    crop_ranges(range, c, lo, hi);
+    return true;
+}
+
+/* Finds the box lo..hi of the scene or the subject, and the ranges. */
+static bool find_box(double lo[3], double hi[3], double *range,
+                     const saga_capture *c, saga_error *error)
+{
     double *const scratch = saga_alloc(c->n_points, sizeof *scratch,
                                        "the capture's points", error);
 
     if (!scratch)
         return false;
+    for (int i = 0; i < 3; i++) {
+        lo[i] = INFINITY;
+        hi[i] = -INFINITY;
+    }
     find_ranges(range, c, scratch);
     /* A place that two views see has a depth that can be learned. If no two
      * views share anything, the cube contains what any view sees. */
     if (!include_frusta(lo, hi, c, range, 2))
         include_frusta(lo, hi, c, range, 1);
     include_points(lo, hi, c, scratch);
+    free(scratch);
+    return !c->subject || crop(lo, hi, range, c, error);
+}
+
+bool saga_cube_subject(double box[6], const saga_capture *c, saga_error *error)
+{
+    double *const range = saga_calloc(2 * (size_t)c->n_views, sizeof *range,
+                                      "the views", error);
+    const bool ok = range && find_box(box, box + 3, range, c, error);
+
+    free(range);
+    return ok;
+}
+
+bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
+                   saga_error *error)
+{
+    double lo[3], hi[3];
+
+    if (!find_box(lo, hi, range, c, error))
+        return false;
     cube->unit = 0;
     for (int i = 0; i < 3; i++) {
         cube->centre[i] = (lo[i] + hi[i]) / 2;
@@ -305,6 +372,5 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
     cube->unit *= 1.02;
     if (!(cube->unit > 0 && cube->unit < INFINITY))
         cube->unit = 1;
-    free(scratch);
     return true;
 }

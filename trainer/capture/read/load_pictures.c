@@ -209,6 +209,14 @@ static const char *source_file(const saga_load_job *job, int v, int k)
     return s->pictures ? s->pictures[job->capture->first_frame + k] : s->video;
 }
 
+static bool is_all(const uint8_t *bytes, size_t n, uint8_t value)
+{
+    size_t i = 0;
+    while (i < n && bytes[i] == value)
+        i++;
+    return i == n;
+}
+
 /* Cuts the subject out of a picture: reads its mask, unless that is the
  * picture's opacity, and multiplies the colours by it. This comes before
  * scaling, so that pixels at the edge have the subject's part of their light
@@ -218,11 +226,12 @@ static bool cut_out(const saga_load_job *job, int v, int k, const canvas *c,
 {
     const saga_source *const s = &job->listing->sources[v];
     const size_t n = (size_t)s->width * (size_t)s->height;
-    if (!mask_file(job, v, k) && !c->opacity)
+    if (!mask_file(job, v, k) && (!c->opacity || is_all(c->mask, 3 * n, 255)))
         return saga_fail(error, source_file(job, v, k),
                          "give it a mask, as `saga help check` says, or "
                          "opacity, or leave --subject out",
-                         "nothing tells the subject of camera %s from the rest",
+                         "nothing tells the subject from the rest in a picture "
+                         "of camera %s",
                          s->name);
     if (mask_file(job, v, k) && !read_grey(job, v, k, c->mask, error))
         return false;
@@ -496,22 +505,22 @@ static bool check_mask(const saga_load_job *job, int v)
 static bool check_subject(const saga_load_job *job)
 {
     const saga_capture *const c = job->capture;
-    bool any = false, all = true;
+    bool none = true, all = true;
     for (int v = 0; v < c->n_views; v++) {
         const saga_source_view *const view = &c->views[v];
         const size_t n = (size_t)view->width * (size_t)view->height *
                          (size_t)saga_view_n_held(view, c->n_frames);
-        for (size_t i = 0; i < n && view->n_missing < c->n_frames; i++) {
-            any = any || view->mask[i] > 0;
-            all = all && view->mask[i] == 255;
-        }
+        if (view->n_missing == c->n_frames)
+            continue;
+        none = none && is_all(view->mask, n, 0);
+        all = all && is_all(view->mask, n, 255);
     }
-    return (any && !all) ||
+    return (!none && !all) ||
            saga_fail(job->error, job->listing->path,
                      "make the masks white, or the pictures opaque, where the "
                      "subject is, and black or transparent elsewhere",
                      "the subject of --subject is %s all pictures",
-                     any ? "the whole of" : "in none of");
+                     none ? "in none of" : "the whole of");
 }
 
 /* Fills a pixel that does not count from the nearest frame in which it counts,
@@ -574,6 +583,7 @@ bool saga_load_pictures(saga_load_job *job)
     /* Masks come next, unless a subject was cut out by them, then depth;
      * progress begins at 0 for each. */
     job->capture->subject = job->options->subject;
+    memcpy(job->capture->box, job->options->box, sizeof job->options->box);
     job->n_done = 0;
     for (int v = 0; v < n_views; v++)
         if (job->listing->sources[v].masks && job->capture->views[v].mask &&

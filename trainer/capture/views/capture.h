@@ -81,6 +81,7 @@ typedef struct saga_capture_options {
     bool alpha_masks;       /* pixels of alpha below 128 do not count */
     bool subject;           /* masks or alpha are the opacity of a subject, and
                              * everything else becomes transparent */
+    double box[6];          /* of the subject: as saga_capture.box */
     bool follow_paths;      /* read files that the capture names outside its
                              * folder */
     saga_error *wrong_poses;    /* receives the error if all poses are mirror
@@ -148,8 +149,10 @@ typedef enum saga_pose_convention {
 typedef struct saga_capture {
     const char *format; /* static string, for reports */
     int n_views, n_frames;
-    bool moves;   /* one camera moves, and each view is one of its pictures */
-    bool subject; /* all pictures are of a subject that stands free */
+    bool moves;    /* one camera moves, and each view is one of its pictures */
+    bool subject;  /* all pictures are of a subject that stands free */
+    double box[6]; /* the subject's box, least and greatest x, y, z; 0: by the
+                    * masks */
     saga_pose_convention poses;
     int first_frame;         /* frame of the source that is frame 0 here */
     int n_learned;           /* number of training views, */

@@ -109,6 +109,7 @@ saga_train_no_base saga_plan_no_base(const saga_base_question *q)
     return q->options->n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
            : q->ablation->no_base     ? SAGA_TRAIN_ABLATED
            : q->wanders               ? SAGA_TRAIN_WANDERS
+           : q->subject               ? SAGA_TRAIN_SUBJECT
                                       : SAGA_TRAIN_HAS_BASE;
 }
 

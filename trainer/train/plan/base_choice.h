@@ -16,8 +16,11 @@ typedef enum saga_train_no_base {
     SAGA_TRAIN_ABLATED,
     SAGA_TRAIN_WANDERS, /* the camera moves: no two pictures are from
                          * one place */
-    SAGA_TRAIN_MOVES    /* too little stands still for this number of
+    SAGA_TRAIN_MOVES,   /* too little stands still for this number of
                          * segments */
+    SAGA_TRAIN_SUBJECT  /* the capture is of a subject, whose masks are
+                         * opacities (still.h needs those of what stands
+                         * still) */
 } saga_train_no_base;
 
 typedef struct saga_train_base {
@@ -37,6 +40,7 @@ typedef struct saga_base_question {
     const saga_train_options *options;
     const saga_ablation *ablation;
     bool wanders;           /* the capture is from one moving camera */
+    bool subject;           /* the capture is of a subject */
     bool moves;             /* anything in the scene moves */
     uint32_t room;          /* primitives that the level has room for, of
                              * base and segment together */

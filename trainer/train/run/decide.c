@@ -75,6 +75,7 @@ static saga_base_question base_question(const saga_train *t)
     return (saga_base_question){ .options = &t->o,
                                  .ablation = &t->ablation,
                                  .wanders = t->capture->moves,
+                                 .subject = t->capture->subject,
                                  .moves = t->render.dynamic };
 }
 

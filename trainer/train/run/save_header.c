@@ -181,7 +181,7 @@ static bool has_turns(const saga_train_header *h)
 
     return h->first < h->segments &&
            h->turn < h->segments + (h->base_prim ? 2 : 0) &&
-           h->base_why <= SAGA_TRAIN_MOVES && h->base_still <= UINT32_MAX &&
+           h->base_why <= SAGA_TRAIN_SUBJECT && h->base_still <= UINT32_MAX &&
            h->base_looked_at <= UINT32_MAX && h->base_prim <= most &&
            h->base_kept <= most;
 }
