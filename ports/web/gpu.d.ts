@@ -17,6 +17,9 @@ export class GpuScreen {
     static open(canvas: HTMLCanvasElement): GpuScreen | null;
     /** Whether the browser supports everything that drawing splats needs. */
     readonly takesSplats: boolean;
+    /** Whether splats are shown without their background, so that the page shows
+     * through; initially false. */
+    transparent: boolean;
     showSplats(splats: Omit<SagaSplats, 'nPrimitives'>): void;
     showPixels(picture: {
         bytes: Uint8ClampedArray;

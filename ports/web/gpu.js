@@ -105,21 +105,24 @@ void main() {
                        gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-// Adds the background, weighted by the transmittance that remains. WebGL counts
-// rows from the bottom.
+// Adds the background, weighted by the transmittance that remains, or leaves it
+// to the page, which takes colours that are multiplied by their alpha. WebGL
+// counts rows from the bottom.
 const PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
 uniform sampler2D picture;
 uniform vec3 background;
 uniform int height;
+uniform bool clear;
 out vec4 shown;
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     at.y = height - 1 - at.y;
     vec4 c = texelFetch(picture, at, 0);
-    shown = vec4(c.rgb + c.a * background, 1.0);
+    shown = clear ? vec4(c.rgb, 1.0 - c.a)
+                  : vec4(c.rgb + c.a * background, 1.0);
 }`;
 
 function compile(gl, kind, source) {
@@ -216,7 +219,7 @@ export class GpuScreen {
     }
 
     static make(canvas) {
-        const gl = canvas.getContext('webgl2', { alpha: false, depth: false,
+        const gl = canvas.getContext('webgl2', { depth: false,
             stencil: false, antialias: false,
             powerPreference: 'high-performance' });
 
@@ -228,6 +231,7 @@ export class GpuScreen {
         this.gl = gl;
         this.loser = gl.getExtension('WEBGL_lose_context');
         this.isReleased = false;
+        this.transparent = false; // the page shows where the film does not
         this.begin();
         canvas.addEventListener('webglcontextlost', (event) =>
             event.preventDefault());
@@ -244,7 +248,7 @@ export class GpuScreen {
             gl.getExtension('EXT_color_buffer_half_float'));
         this.painter = new SplatPainter(gl);
         this.picture = link(gl, PICTURE_VERTEX, PICTURE_FRAGMENT,
-            ['background', 'height']);
+            ['background', 'height', 'clear']);
         this.sum = gl.createTexture();
         this.pixels = gl.createTexture();
         this.frame = gl.createFramebuffer();
@@ -307,7 +311,7 @@ export class GpuScreen {
         gl.clearColor(0, 0, 0, 1);
         gl.clear(gl.COLOR_BUFFER_BIT);
         painter.draw();
-        this.show(this.sum, background);
+        this.show(this.sum, background, this.transparent);
     }
 
     showPixels({ bytes, width, height }) {
@@ -318,11 +322,11 @@ export class GpuScreen {
         gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA,
             gl.UNSIGNED_BYTE, new Uint8Array(bytes.buffer, 0, bytes.length));
         gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-        this.again = () => this.show(this.pixels, [0, 0, 0]);
+        this.again = () => this.show(this.pixels, [0, 0, 0], false);
         this.again();
     }
 
-    show(texture, background) {
+    show(texture, background, clear) {
         const { gl, picture } = this;
 
         gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -330,6 +334,7 @@ export class GpuScreen {
         gl.bindTexture(gl.TEXTURE_2D, texture);
         gl.uniform3fv(picture.background, background);
         gl.uniform1i(picture.height, this.canvas.height);
+        gl.uniform1i(picture.clear, clear);
         gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
 
@@ -346,6 +351,10 @@ export class GpuScreen {
         for (let y = 0; y < height; y++)
             image.data.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),
                 4 * width * (height - 1 - y));
+        // ImageData has colours that are not multiplied by alpha.
+        for (let i = 0; this.transparent && i < image.data.length; i++)
+            if (i % 4 < 3)
+                image.data[i] *= 255 / Math.max(1, image.data[i | 3]);
         return image;
     }
 }
@@ -365,12 +374,14 @@ class SharedScreen {
         this.gpu = gpu;
         this.gl = gpu.gl;
         this.takesSplats = gpu.takesSplats;
-        this.context = canvas.getContext('2d', { alpha: false });
+        this.transparent = false;
+        this.context = canvas.getContext('2d');
         gpu.canvas.addEventListener('webglcontextrestored', ({ type }) =>
             canvas.dispatchEvent(new Event(type)));
     }
 
     showSplats(splats) {
+        this.gpu.transparent = this.transparent;
         this.gpu.showSplats(splats);
         this.copy();
     }
@@ -384,6 +395,9 @@ class SharedScreen {
         const { canvas, gpu } = this;
 
         sizeTo(canvas, gpu.canvas.width, gpu.canvas.height);
+        // Where the new picture is transparent, it replaces the old one too. A
+        // new size resets the context.
+        this.context.globalCompositeOperation = 'copy';
         this.context.drawImage(gpu.canvas, 0, 0);
     }
 

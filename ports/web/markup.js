@@ -14,6 +14,7 @@ export const STYLE = `
     container-type: inline-size;
     font: 14px/1.45 system-ui, "Segoe UI", "DejaVu Sans", sans-serif;
     --accent: #e0a458; }
+:host([background="transparent"]) { background: none; }
 :host([hidden]), [hidden] { display: none !important; }
 #frame { position: absolute; inset: 0; display: grid; place-items: center; }
 canvas { outline: none; cursor: grab; touch-action: none; user-select: none; }

@@ -400,6 +400,10 @@ viewer.addEventListener('failed', (event) => tellProblem(event.detail));
 // which needs exact pictures.
 if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
     viewer.setExact(true);
+if (asked.has('background')) {
+    player.setAttribute('background', 'transparent');
+    document.body.style.background = asked.get('background');
+}
 viewer.simd = asked.get('simd') === '0' ? false : undefined;
 viewer.seconds = Number(asked.get('seconds')) || carried.seconds;
 $('save-page').hidden = Boolean($('film')); // the browser saves such a page

@@ -3,12 +3,13 @@ import type { SagaCamera, SagaInfo } from './saga.js';
 import type { Viewer } from './viewer.js';
 
 /** The element <saga-player src autoplay loop camera poster controls muted
- * preload crossorigin draw="exact">. Events of a video: loadstart,
- * durationchange, loadedmetadata; loadeddata and canplay when the first picture
- * is drawn; play, pause, ended, timeupdate, seeking, seeked, ratechange,
- * volumechange; waiting when a segment is late, and playing when it has come;
- * progress, whose detail is { segment, got, nbytes }, in bytes, with segment -1
- * for the head; error, whose detail is a sentence. And camerachange. */
+ * preload crossorigin draw="exact" background="transparent">. Events of a
+ * video: loadstart, durationchange, loadedmetadata; loadeddata and canplay when
+ * the first picture is drawn; play, pause, ended, timeupdate, seeking, seeked,
+ * ratechange, volumechange; waiting when a segment is late, and playing when it
+ * has come; progress, whose detail is { segment, got, nbytes }, in bytes, with
+ * segment -1 for the head; error, whose detail is a sentence. And
+ * camerachange. */
 export class SagaPlayer extends HTMLElement {
     /** The viewer that draws in the element; it has paths, sizes, and the last
      * picture's numbers. */

@@ -7,7 +7,8 @@
 //
 // Attributes: src; autoplay, unless the user prefers reduced motion; loop;
 // camera, an index of the rig from 0; poster, a picture until the first one is
-// drawn; controls, the bar; draw="exact", the decoder's own pixels; muted, no
+// drawn; background="transparent", no background of the film; controls, the
+// bar; draw="exact", the decoder's own pixels, with their background; muted, no
 // sound until it is turned on; preload="none", nothing is fetched before
 // play(); crossorigin, as for a video.
 //
@@ -38,8 +39,8 @@ const HAVE_NOTHING = 0, HAVE_METADATA = 1, HAVE_FUTURE_DATA = 3,
 const Base = globalThis.HTMLElement ?? class {};
 
 export class SagaPlayer extends Base {
-    static observedAttributes = ['src', 'camera', 'controls', 'draw', 'loop',
-        'muted', 'poster'];
+    static observedAttributes = ['src', 'background', 'camera', 'controls',
+        'draw', 'loop', 'muted', 'poster'];
 
     constructor() {
         super();
@@ -88,6 +89,8 @@ export class SagaPlayer extends Base {
 
         if (name === 'src' && now)
             this.load();
+        else if (name === 'background')
+            viewer.setTransparent(now === 'transparent');
         else if (name === 'camera')
             viewer.selectCamera(Number(now));
         else if (name === 'controls')

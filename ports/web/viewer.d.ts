@@ -83,6 +83,9 @@ export class Viewer extends EventTarget {
     selectCamera(index: number): void;
     setScale(scale: number): void;
     setExact(exact: boolean): void;
+    /** Shows what is behind the canvas instead of the film's background, except
+     * in exact pictures. */
+    setTransparent(transparent: boolean): void;
     /** Sets the size of the window in pixels, which the graphics processor
      * fills. */
     setRoom(width: number, height: number): void;

@@ -252,6 +252,13 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
+    // Shows what is behind the canvas instead of the film's background. Exact
+    // pictures keep that.
+    setTransparent(transparent) {
+        this.screen.transparent = transparent;
+        this.changed();
+    }
+
     // Sets the pixels of the window, which the graphics processor fills.
     setRoom(width, height) {
         const side = (x) => Math.max(1, Math.min(16384, Math.round(x)));

@@ -6,6 +6,9 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
               45 dB against the decoder's, and no sample differs by more than 3:
               for every good vector, three cameras, three times; for the demo
               also in the size of a window
+  clear       a picture without background, laid over that background here, is
+              the opaque one, also in a context that canvases share; the element
+              does so with background="transparent"
   call        a picture is drawn by one draw call of all its splats
   window      pictures fill the element, at the resolution of the device; exact
               pictures have the camera's size and the decoder's bits
@@ -100,6 +103,62 @@ def check_near(tab, names):
             break
     verdict("near: %d files, at least %.1f dB, at most %d off" %
             (len(names), worst, most))
+
+
+# clear(): how far, in levels, pictures without background are off the opaque
+# ones when they are laid over their background: on a canvas with a context of
+# its own, and on one that shares it; and how much of them is opaque.
+CLEAR = """
+async function clear() {
+    const { SagaFile } = await import('/saga.js');
+    const { GpuScreen } = await import('/gpu.js');
+    const file = await SagaFile.open('/motion.saga');
+    const screens = Array.from({ length: 8 }, () =>
+        GpuScreen.open(document.createElement('canvas')));
+    const told = [];
+
+    for (const screen of [screens[0], screens[7]])
+        for (const frame of [0, 7]) {
+            const splats = await file.splats(file.rig[0], frame);
+            screen.transparent = false;
+            screen.showSplats(splats);
+            const want = screen.read().data;
+            screen.transparent = true;
+            screen.showSplats(splats);
+            const got = screen.read().data;
+            let most = 0, sum = 0;
+            for (let i = 0; i < want.length; i++) {
+                const a = got[i | 3] / 255;
+                const b = 255 * splats.background[i % 4];
+                if (i % 4 < 3)
+                    most = Math.max(most, Math.abs(
+                        a * got[i] + (1 - a) * b - want[i]));
+                sum += i % 4 < 3 ? 0 : a / (want.length / 4);
+            }
+            told.push([screen.constructor.name, most, sum]);
+        }
+    screens.forEach((screen) => screen.release?.());
+    return told;
+}
+"""
+
+
+def check_clear(tab):
+    told = tab.run("(async () => { %s return clear(); })()" % CLEAR)
+    if [name for name, _, _ in told] != ["GpuScreen"] * 2 + \
+            ["SharedScreen"] * 2 or any(
+                most > MOST_OFF or not 0.01 < alpha < 0.95
+                for _, most, alpha in told):
+        complain("pictures without background:", json.dumps(told))
+    put(tab, background="transparent")
+    see = "[player.viewer.screen.transparent, " \
+        "getComputedStyle(player).backgroundColor]"
+    shown = tab.run(see)
+    tab.run("player.removeAttribute('background')")
+    if [shown, tab.run(see)] != [[True, "rgba(0, 0, 0, 0)"],
+                                 [False, "rgb(0, 0, 0)"]]:
+        complain("the element:", shown, tab.run(see))
+    verdict("clear")
 
 
 # --- The element -----------------------------------------------------------
@@ -514,6 +573,7 @@ def main():
         tab.go(server.url + "empty.html")
         check_call(tab)
         check_window(tab)
+        check_clear(tab)
         check_many(tab)
         check_large(tab)
         check_pace(tab)
