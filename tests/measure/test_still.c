@@ -48,14 +48,22 @@ static const saga_capture *make_part(part *p, int number)
     return &p->capture;
 }
 
-static void add_parts(saga_still *s)
+/* Adds all parts, whose pictures are in a file if there is a folder. */
+static void add_parts_with(saga_still *s, const char *folder)
 {
-    memset(s, 0, sizeof *s);
+    *s = (saga_still){ .folder = folder };
     for (int i = 0; i < PARTS; i++) {
         part p;
 
-        assert_done(saga_still_add(s, make_part(&p, i), i * PART, ALL, &error));
+        (void)make_part(&p, i);
+        p.capture.pixels.at = folder ? p.rgb[0][0] : NULL;
+        assert_done(saga_still_add(s, &p.capture, i * PART, ALL, &error));
     }
+}
+
+static void add_parts(saga_still *s)
+{
+    add_parts_with(s, NULL);
 }
 
 static int compare(const void *a, const void *b)
@@ -127,6 +135,34 @@ TEST(still_should_know_what_nobody_saw)
     assert_true(saga_capture_has(&c, 0, 0));
     assert_false(saga_capture_has(&c, 1, 0));
     assert_int_equal(c.views[1].n_missing, 1);
+}
+
+/* If a part's pictures are in a file, so must be those that are taken of it.
+ * Only the medians are in memory at the end, and only these are counted. */
+TEST(still_should_take_pictures_to_a_file)
+{
+    FREED_BY(saga_capture_free) saga_capture c, in_memory;
+    const size_t n = SAGA_STILL_PICTURES * PIXELS;
+    saga_still s;
+
+    add_parts(&s);
+    assert_null(s.file.at);
+    assert_done(saga_still_finish(&in_memory, &s, &error));
+    add_parts_with(&s, "/tmp");
+    assert_non_null(s.file.at);
+    assert_int_equal(s.file.nbytes, n * 4 + n * 3);
+    assert_ptr_equal(s.capture.views[0].rgb, s.file.at);
+    assert_ptr_equal(s.capture.views[0].mask, s.file.at + n * 3);
+    assert_ptr_equal(s.capture.views[1].rgb, s.file.at + n * 4);
+    saga_still_free(&s);
+    add_parts_with(&s, "/tmp");
+    assert_done(saga_still_finish(&c, &s, &error));
+    assert_null(s.file.at);
+    assert_null(c.pixels.at);
+    assert_int_equal(c.picture_nbytes, PIXELS * 4 + PIXELS * 3);
+    for (int v = 0; v < 2; v++)
+        assert_memory_equal(c.views[v].rgb, in_memory.views[v].rgb, 3 * PIXELS);
+    assert_memory_equal(c.views[0].mask, in_memory.views[0].mask, PIXELS);
 }
 
 TEST(still_should_refuse_other_views)

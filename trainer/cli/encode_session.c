@@ -181,7 +181,7 @@ static int open_segment(saga_encode_session *s, int segment)
 /* Makes the pictures of what stands still, for which all segments are read. */
 static int open_base(saga_encode_session *s)
 {
-    saga_still still = { .n = 0 };
+    saga_still still = { .folder = saga_encode_capture_options(s).scratch };
     int status = SAGA_EXIT_OK;
     bool ok = true;
 

@@ -24,26 +24,46 @@ static int frame_at(int i, int n_frames)
     return (int)((2 * (int64_t)i + 1) * n_frames / (2 * n));
 }
 
-/* Allocates a view's pictures, and their masks if the view has any. */
-static bool begin_view(saga_source_view *to, const saga_source_view *from,
-                       int n, saga_error *error)
+/* Returns the bytes of a view's pictures, and of their masks if it has any. */
+static size_t view_nbytes(const saga_source_view *v, int n)
 {
-    const size_t nbytes = saga_view_frame_nbytes(from);
+    const size_t size = (size_t)v->width * (size_t)v->height;
 
+    return (size_t)n * size * (v->mask ? 4 : 3);
+}
+
+/* Makes room for the pictures of all views: in a file if those of the part are
+ * in one, since there are too many for memory. */
+static bool make_room(saga_still *s, const saga_capture *part, int n,
+                      saga_error *error)
+{
+    size_t nbytes = 0;
+
+    for (int v = 0; v < part->n_views; v++)
+        nbytes += view_nbytes(&part->views[v], n);
+    if (part->pixels.at && s->folder) {
+        if (saga_scratch_make(&s->file, s->folder, nbytes, error))
+            s->room = s->file.at;
+    } else
+        s->room = saga_calloc(nbytes, 1, what, error);
+    return s->room != NULL;
+}
+
+/* Makes a view of n pictures at `room`. */
+static void begin_view(saga_source_view *to, const saga_source_view *from,
+                       int n, uint8_t *room)
+{
     *to = *from;
-    /* The lists of files are owned by the part and are not copied; pictures and
-     * masks are allocated anew. */
+    /* The lists of files are owned by the part and are not copied. */
     to->single = false;
     to->missing = NULL;
     to->n_missing = 0;
-    to->mask = NULL;
     to->depth = NULL;
     to->as_filmed = NULL;
     to->digest = 0;
-    to->rgb = saga_alloc((size_t)n, nbytes, what, error);
-    if (from->mask)
-        to->mask = saga_calloc((size_t)n, nbytes / 3, what, error);
-    return to->rgb && (to->mask || !from->mask);
+    to->rgb = room;
+    to->mask = from->mask ? room + (size_t)n * saga_view_frame_nbytes(from)
+                          : NULL;
 }
 
 static bool begin_still(saga_still *s, const saga_capture *part, int n_frames,
@@ -51,30 +71,32 @@ static bool begin_still(saga_still *s, const saga_capture *part, int n_frames,
 {
     const size_t n = (size_t)part->n_views;
     saga_capture *const c = &s->capture;
+    uint8_t *room;
 
     /* The new capture has the part's properties, but pictures and points of its
      * own. */
     *c = *part;
     c->n_frames = n_pictures(n_frames);
     c->notes[0] = '\0';
-    c->n_views = 0;
     c->points = NULL;
     c->pixels = (saga_scratch){ NULL, 0, -1 };
     c->room = NULL;
+    c->n_views = 0;
     c->views = saga_calloc(n, sizeof *c->views, what, error);
     s->seen = saga_calloc(n, sizeof *s->seen, what, error);
     if (part->n_points)
         c->points = saga_alloc(part->n_points, sizeof *c->points, what, error);
-    if (!c->views || !s->seen || (part->n_points && !c->points))
+    if (!c->views || !s->seen || (part->n_points && !c->points) ||
+        !make_room(s, part, c->n_frames, error))
         return false;
     if (part->n_points)
         memcpy(c->points, part->points, part->n_points * sizeof *c->points);
-    /* n_views grows with each view, so that a failure frees only what
-     * exists. */
-    for (size_t v = 0; v < n; v++) {
-        c->n_views++;
-        if (!begin_view(&c->views[v], &part->views[v], c->n_frames, error))
-            return false;
+    room = s->room;
+    for (; c->n_views < part->n_views; c->n_views++) {
+        const saga_source_view *const from = &part->views[c->n_views];
+
+        begin_view(&c->views[c->n_views], from, c->n_frames, room);
+        room += view_nbytes(from, c->n_frames);
     }
     return true;
 }
@@ -158,21 +180,24 @@ static bool finish_pictures(saga_source_view *v, uint8_t *median, int n,
         free(mask);
         mask = NULL;
     }
-    free(v->rgb);
-    free(v->mask);
     v->rgb = median;
     v->mask = mask;
     return !saga_failed(error);
 }
 
-static bool finish_view(saga_capture *c, int view, bool seen, saga_error *error)
+static bool finish_view(saga_still *s, int view, saga_error *error)
 {
+    saga_capture *const c = &s->capture;
     saga_source_view *const v = &c->views[view];
     uint8_t *const median = saga_verdict_median(c, view, error);
 
-    if (!median || !finish_pictures(v, median, c->n_frames, error))
+    if (!median)
         return false;
-    if (seen)
+    s->n_finished++;
+    if (!finish_pictures(v, median, c->n_frames, error))
+        return false;
+    c->picture_nbytes += view_nbytes(v, 1);
+    if (s->seen[view])
         return true;
     /* No part had a picture of this view, so there is no median: it is marked
      * as missing. */
@@ -187,8 +212,9 @@ bool saga_still_finish(saga_capture *capture, saga_still *s, saga_error *error)
 {
     saga_capture *const c = &s->capture;
 
+    c->picture_nbytes = 0;
     for (int v = 0; v < c->n_views; v++)
-        if (!finish_view(c, v, s->seen[v], error))
+        if (!finish_view(s, v, error))
             return false;
     c->n_frames = 1;
     *capture = *c;
@@ -199,7 +225,14 @@ bool saga_still_finish(saga_capture *capture, saga_still *s, saga_error *error)
 
 void saga_still_free(saga_still *s)
 {
+    /* Views that are not finished have no pictures of their own. */
+    for (int v = s->n_finished; v < s->capture.n_views; v++)
+        s->capture.views[v].rgb = s->capture.views[v].mask = NULL;
     saga_capture_free(&s->capture);
+    if (s->file.at)
+        saga_scratch_free(&s->file);
+    else
+        free(s->room);
     free(s->seen);
     memset(s, 0, sizeof *s);
 }

@@ -16,11 +16,17 @@
  * number, so that the median is one of their values. */
 enum { SAGA_STILL_PICTURES = 15 };
 
-/* Usage: initialise with zeros, add all parts, finish. */
+/* Usage: initialise with zeros but for the folder, add all parts, finish. */
 typedef struct saga_still {
-    saga_capture capture; /* the pictures taken so far; owned by saga_still */
-    int n;                /* pictures taken so far of each view */
-    bool *seen;           /* (views): some part had a picture of this view */
+    const char *folder;   /* of the file that has the pictures if those of the
+                           * parts are in a file; NULL: they are in memory */
+    saga_capture capture; /* the pictures taken so far, at `room` until they are
+                           * finished; owned by saga_still */
+    uint8_t *room;
+    saga_scratch file;
+    int n;          /* pictures taken so far of each view */
+    int n_finished; /* views that have a median of their own */
+    bool *seen;     /* (views): some part had a picture of this view */
 } saga_still;
 
 /* Takes the pictures it needs from a part, which begins with frame `first` of
