@@ -177,7 +177,11 @@ BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 CORE = $(BASE) -ffreestanding $(CORE_CFLAGS)
 # Other code uses POSIX. The compiler must not contract or reassociate its
 # floating-point operations.
-HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off
+HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off $(QR_FLAG)
+
+# Without libqrencode `saga view --host` prints an address without a code.
+QR := $(shell pkg-config --libs libqrencode 2>/dev/null)
+QR_FLAG = $(if $(QR),-DSAGA_QRENCODE)
 
 # OpenMP is used where the compiler can link it (Debian's clang cannot without
 # libomp). Results do not depend on the number of threads.
@@ -187,7 +191,7 @@ OMP = $(if $(OPENMP),$(OPENMP),-Wno-unknown-pragmas)
 
 comma := ,
 AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
-HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
+HOST_LIBS = $(AS_NEEDED) $(QR) -lOpenEXRCore $(shell pkg-config --libs jansson \
               libpng libtiff-4 libturbojpeg libwebp libzstd \
               zlib 2>/dev/null || \
               echo -ljansson -lpng -ltiff -lturbojpeg -lwebp -lzstd -lz) -lm

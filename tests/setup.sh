@@ -16,8 +16,8 @@ test -z "${SAGA_NO_SETUP:-}" || exit 0
 
 build="gcc make binutils libc6-dev clang lld pkg-config python3
     libjansson-dev libpng-dev libtiff-dev libturbojpeg0-dev zlib1g-dev
-    libwebp-dev libzstd-dev libopenexr-dev libvulkan-dev libvulkan-volk-dev
-    ffmpeg"
+    libwebp-dev libzstd-dev libopenexr-dev libqrencode-dev libvulkan-dev
+    libvulkan-volk-dev ffmpeg"
 # Without a GPU, kernels are tested on the driver that computes on the CPU.
 check="$build libcmocka-dev glslang-tools spirv-tools mesa-vulkan-drivers
     vulkan-validationlayers"

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROWS = {
     "libOpenEXRCore-3_1": "OpenEXR", "libjansson": "jansson", "libpng16": "libpng",
     "libturbojpeg": "libjpeg-turbo", "libjpeg": "libjpeg-turbo", "libtiff": "libtiff",
+    "libqrencode": "libqrencode",
     "libwebp": "libwebp", "libsharpyuv": "libwebp", "libzstd": "zstd",
     "liblzma": "liblzma", "libdeflate": "libdeflate", "libLerc": "LERC",
     "libjbig": "JBIG-KIT", "libstdc++": "libgcc",

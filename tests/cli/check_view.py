@@ -11,6 +11,12 @@
   slow        while clients receive nothing of a large file, others are answered
               at once; Ctrl-C and SIGTERM end the server within a second; a slow
               client gets the complete file
+  host        with --host it listens at that address alone, and serves the same
+              files after a random token; without the token, with another one,
+              or under another name nothing is served. On a terminal the address
+              is also a QR code, as libqrencode makes it (a program without it
+              draws none). Addresses of other machines, and that of all
+              networks, are refused
   port 80     it accepts a Host without a port (skipped, with a message, if the
               port is not available)
   checkpoint  for the checkpoint of a stopped training, from the warm-up on, it
@@ -23,8 +29,10 @@
               line
 check_web.py opens the page in a browser."""
 
+import ctypes
 import json
 import os
+import pty
 import re
 import signal
 import socket
@@ -48,8 +56,10 @@ class View:
             ["env", "--default-signal=INT", SAGA, "view", *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.url = self.process.stdout.readline().decode().strip()
-        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/", self.url)
-        self.port = int(found[1]) if found else 0
+        found = re.fullmatch(r"http://([0-9.]+):(\d+)/(?:([0-9a-f]{32})/)?",
+                             self.url)
+        self.host, self.port, self.token = \
+            (found[1], int(found[2]), found[3]) if found else ("", 0, None)
 
     def end(self, number=signal.SIGINT, timeout=20):
         self.process.send_signal(number)
@@ -64,7 +74,7 @@ class View:
     def say(self, request):
         """Returns the whole answer: status, header lines in lower case,
         body."""
-        with socket.create_connection(("127.0.0.1", self.port), 20) as s:
+        with socket.create_connection((self.host, self.port), 20) as s:
             s.sendall(request)
             answer = b""
             while True:
@@ -77,7 +87,7 @@ class View:
         return lines[0].partition(" ")[2], [x.lower() for x in lines[1:]], body
 
     def get(self, path, *lines, method="GET", host=None):
-        host = host or "127.0.0.1:%d" % self.port
+        host = host or "%s:%d" % (self.host, self.port)
         text = "\r\n".join(["%s %s HTTP/1.1" % (method, path),
                             "Host: " + host, *lines, "", ""])
         return self.say(text.encode())
@@ -223,6 +233,87 @@ def check_slow(tmp):
         for s in slow:
             s.socket.close()
     verdict("slow")
+
+
+def draw_code(text):
+    """Returns what a terminal shows for a QR code of libqrencode, or "" for a
+    program without it: white where a module is light, with four light ones around."""
+    class Code(ctypes.Structure):
+        _fields_ = [("version", ctypes.c_int), ("width", ctypes.c_int),
+                    ("data", ctypes.POINTER(ctypes.c_ubyte))]
+    if b"libqrencode.so.4" not in read(SAGA):
+        return ""
+    library = ctypes.CDLL("libqrencode.so.4")
+    library.QRcode_encodeString8bit.restype = ctypes.POINTER(Code)
+    code = library.QRcode_encodeString8bit(text.encode(), 0, 0).contents
+    n = code.width + 8
+
+    def light(x, y):
+        inside = 4 <= x < n - 4 and 4 <= y < n - 4
+        return not (inside and
+                    code.data[(y - 4) * code.width + x - 4] & 1)
+    return "".join("\033[97;40m%s\033[0m\r\n" % "".join(
+        " \u2584\u2580\u2588"[2 * light(x, y) + light(x, y + 1)]
+        for x in range(n)) for y in range(0, n, 2))
+
+
+def check_code():
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [SAGA, "view", GOOD, "--host", "127.0.0.2"], stdout=subprocess.PIPE,
+        stderr=slave)
+    os.close(slave)
+    url = process.stdout.readline().decode().strip()
+    told = b""
+    while b"HTTPS" not in told:
+        told += os.read(master, 1 << 16)
+    process.terminate()
+    process.communicate(timeout=20)
+    os.close(master)
+    code = told.decode().partition("saga:")[0]
+    if code != draw_code(url):
+        complain("the code of", url, "is\n" + code)
+
+
+def check_host():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        free = s.getsockname()[1]
+    one = View(GOOD, "--host", "127.0.0.2", "--port", str(free))
+    other = View(GOOD, "--host", "127.0.0.2")
+    if one.host != "127.0.0.2" or not one.token or one.token == other.token:
+        complain("the addresses are", one.url, "and", other.url)
+    token = one.token or ""
+    for name in ("", "page.js", "whole.html", "film/still.saga"):
+        status, _, body = one.get("/%s/%s" % (token, name))
+        want = read(GOOD if "film" in name else WEB + "/" + name) if name else \
+            body
+        if status != "200 OK" or body != want or not body:
+            complain("after the token,", name, ":", status)
+        for path in (name, other.token + "/" + name, token + name,
+                     token[:-1] + "0/" + name if token[-1:] != "0" else
+                     token[:-1] + "1/" + name, "x/%s/%s" % (token, name),
+                     "?%s/%s" % (token, name), token.upper() + "/x" + name,
+                     token + "//" + name):
+            status, _, body = one.get("/" + path)
+            if status != "404 Not Found" or len(body) > 20:
+                complain("without the token,", path, ":", status)
+    for host in ("127.0.0.1", "localhost", "example.org", "0.0.0.0"):
+        status = one.get("/%s/" % token, host="%s:%d" % (host, one.port))[0]
+        if not status.startswith("403"):
+            complain("as", host, ":", status)
+    try:
+        socket.create_connection(("127.0.0.1", one.port), 5).close()
+        complain("--host listens on 127.0.0.1, too")
+    except ConnectionRefusedError:
+        pass
+    for view in one, other:
+        view.end()
+    for host in ("0.0.0.0", "192.0.2.1", "localhost", "::1", "256.1.1.1"):
+        refused([GOOD, "--host", host], 2, host + ": is no IPv4 address of this "
+                "machine; give one of 127.0.0.1")
+    check_code()
+    verdict("host")
 
 
 def check_port_80():
@@ -374,13 +465,14 @@ def main():
         verdict("without a decoder for browsers it says what is missing")
         return 1 if checks.failed else 0
     view = View(GOOD)
-    if not view.port:
+    if view.host != "127.0.0.1" or view.token:
         complain("the address is", view.url)
     else:
         check_files(view)
     verdict("files")
     check_refusals(view)
     check_head(view)
+    check_host()
     check_port_80()
     with tempfile.TemporaryDirectory() as tmp:
         check_slow(tmp)

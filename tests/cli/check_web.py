@@ -25,8 +25,8 @@
               Calls to a viewer before its file is open do not prevent it from
               showing the file
   numbers     the reported rate of pictures is that of the last two seconds
-  view        `saga view` serves the page with the file, and the page computes
-              the same CRC as the program
+  view        `saga view` serves the page with the file, also after a token with
+              --host, and the page computes the same CRC as the program
   rate        the time for a picture is reported, without a bound, since
               machines differ
 Without Chromium or the decoder in WebAssembly, the check prints that it was
@@ -582,8 +582,8 @@ def check_render(page, tmp, key):
         complain("saga render sees something else from a key camera")
 
 
-def check_view(page):
-    view = subprocess.Popen([SAGA, "view", GOOD + "still.saga"],
+def check_view(page, *options):
+    view = subprocess.Popen([SAGA, "view", GOOD + "still.saga", *options],
                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     try:
         url = view.stdout.readline().decode().strip()
@@ -600,7 +600,6 @@ def check_view(page):
         view.terminate()
     if view.wait(10) != 0:
         complain("saga view ends with", view.returncode)
-    verdict("view")
 
 
 # COUNT measures pictures a second over a number of pictures, which is larger if
@@ -683,6 +682,8 @@ def main():
             check_controls(page, tmp)
             check_numbers(page)
             check_view(page)
+            check_view(page, "--host", "127.0.0.2")
+            verdict("view")
             check_rate(page, rated)
             checks.complaints.extend(page.tab.log)
             verdict("console")

@@ -2,7 +2,8 @@
  *
  * Fuzzes the server of `saga view` with libFuzzer: the input is what a client
  * has sent. An answer has a complete head, and its body lies in the file that
- * was asked for; a file is given to a request for this machine only.
+ * was asked for; a file is given to a request for this machine only, and with
+ * a token only where it stands before the path.
  */
 #include "view_http.c"
 
@@ -22,7 +23,13 @@ static void must(bool ok)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
-    const saga_http http = { files, 2, -1, 8470 };
+    /* Every second length has a token. */
+    const saga_http http = { .file = files,
+                             .n_files = 2,
+                             .host = SAGA_HTTP_LOCAL,
+                             .token = { n % 2 ? 'T' : '\0' },
+                             .listener = -1,
+                             .port = 8470 };
     static client c;
 
     c.n_head = c.n_body = 0;
@@ -40,5 +47,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     must(c.body >= film && c.n_body <= sizeof film &&
          (size_t)(c.body - film) + c.n_body <= sizeof film);
     must(c.head[9] != '2' || strstr(c.request, ":8470"));
+    must(c.head[9] != '2' || !http.token[0] || strstr(c.request, " /T/"));
     return 0;
 }

@@ -395,7 +395,7 @@ const saga_command saga_command_export = {
     "export",
     "FILE",
     1,
-    "writes the splats as PLY, SPZ, glTF or SOG; the film as a page",
+    "writes splats (PLY, SPZ, glTF, SOG), or a page",
     "Writes the splats of one or several frames of a .saga file, for viewers\n"
     "and editors of Gaussian splatting. Lengths are in the capture's units.\n"
     "PLY and SOG keep the capture's axes, which viewers take as x right, y\n"

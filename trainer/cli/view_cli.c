@@ -14,6 +14,7 @@
 #include "json_memory.h"
 #include "train.h"
 #include "view.h"
+#include "view_code.h"
 #include "view_files.h"
 #include "view_http.h"
 
@@ -23,6 +24,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 enum {
     USUAL_PORT = 8470, /* used if it is free */
@@ -38,8 +40,9 @@ enum {
 static const char placeholder[] = "{ \"src\": null, \"pictures\": [] }";
 
 typedef struct {
-    int port;    /* 0: not given */
-    int seconds; /* limit for decoding a segment */
+    const char *host; /* NULL: not given */
+    int port;         /* 0: not given */
+    int seconds;      /* limit for decoding a segment */
 } options;
 
 /* Everything that is served. */
@@ -248,18 +251,42 @@ static bool open_server(session *s, int port)
            saga_http_open(&s->http, 0, &s->error);
 }
 
-static int serve(session *s, int port)
+/* Prints the page's address and, if other machines may open it, how and what
+ * that means. */
+static void print_address(const saga_http *http)
 {
-    if (!open_server(s, port))
+    const bool shared = http->token[0] != '\0';
+    char address[100];
+
+    (void)snprintf(address, sizeof address, "http://%s:%d/%s%s", http->host,
+                   http->port, http->token, shared ? "/" : "");
+    puts(address);
+    if (!shared) {
+        fputs("saga: open this address in a browser; Ctrl-C ends\n", stderr);
+        return;
+    }
+    if (isatty(STDERR_FILENO))
+        saga_view_code(stderr, address);
+    fputs("saga: open this address in any browser of the network; Ctrl-C ends\n"
+          "saga: who has the address can fetch the film, and nothing is "
+          "encrypted\n"
+          "saga: headsets need HTTPS, for which the film has to be on a server "
+          "(docs/embed.md)\n",
+          stderr);
+}
+
+static int serve(session *s, const options *o)
+{
+    s->http.host = o->host ? o->host : SAGA_HTTP_LOCAL;
+    if ((o->host && !saga_http_make_token(&s->http, &s->error)) ||
+        !open_server(s, o->port))
         return SAGA_EXIT_USAGE;
     /* Signals are caught only now, so that Ctrl-C still ends the program at
      * once while a file is examined. */
     catch_signals();
-    printf("http://127.0.0.1:%d/\n", s->http.port);
-    if (fflush(stdout) == 0) {
-        fprintf(stderr, "saga: open this address in a browser; Ctrl-C ends\n");
+    print_address(&s->http);
+    if (fflush(stdout) == 0)
         saga_http_serve(&s->http, &stopped);
-    }
     saga_http_close(&s->http);
     return SAGA_EXIT_OK;
 }
@@ -294,7 +321,7 @@ static int view(session *s, const options *o, const char *name)
     s->path = path_of(name, &s->error);
     text = s->path && unfold(s, name) ? describe(s, o, name) : NULL;
     if (text && list_files(s, text))
-        status = serve(s, o->port);
+        status = serve(s, o);
     free(text);
     if (saga_failed(&s->error))
         saga_cli_error(status, "view: %s", s->error.message);
@@ -319,6 +346,10 @@ static int run_view(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
+    { "--host", "ADDRESS",
+      "serve for other machines, at this IPv4 address of this\n"
+      "machine (default: 127.0.0.1, for this machine alone)",
+      saga_cli_text, offsetof(options, host), 0, 0 },
     { "--port", "N",
       "port of the server (default: 8470, or another that is\n"
       "free)",
@@ -337,8 +368,14 @@ const saga_command saga_command_view = {
     "pixels. The command prints the page's address, which only this machine\n"
     "can reach. Ctrl-C ends the command.\n"
     "\n"
+    "With --host, phones and other machines of the network can open the page,\n"
+    "too, and fetch the film. The address has a random part, without which\n"
+    "nothing is served, and is drawn as a QR code for cameras. Nothing is\n"
+    "encrypted.\n"
+    "\n"
     "  saga view scene.saga\n"
     "  saga view scene.saga.ckpt\n"
+    "  saga view scene.saga --host 192.168.1.5\n"
     "\n"
     "A checkpoint of `saga encode` is shown as if the training had ended\n"
     "there: all finished segments, and the segment in training if it is the\n"

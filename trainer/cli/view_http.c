@@ -6,6 +6,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ifaddrs.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <stdio.h>
@@ -165,18 +166,21 @@ static const saga_http_file *find_file(const saga_http *http, const char *path,
     return NULL;
 }
 
-/* Tells whether the request's Host is this machine. Browsers omit the port if
- * it is 80. */
+/* Tells whether the request's Host is the address of the server, or its name if
+ * it is 127.0.0.1. Browsers omit the port if it is 80. */
 static bool is_host_ours(const saga_http *http, const char *request)
 {
     const char *const host = header(request, "Host");
-    const char *const names[] = { "127.0.0.1", "localhost" };
+    const char *const names[] = { http->host,
+                                  strcmp(http->host, SAGA_HTTP_LOCAL) != 0
+                                      ? http->host
+                                      : "localhost" };
     const size_t n = host ? strcspn(host, " \t\r") : 0;
     char port[16];
 
     snprintf(port, sizeof port, ":%d", http->port);
-    /* A foreign page may let its own name resolve to 127.0.0.1 to read what is
-     * served here. Its requests then have that name as Host. */
+    /* A foreign page may let its own name resolve to this address to read what
+     * is served here. Its requests then have that name as Host. */
     for (int i = 0; host && i < 2; i++) {
         const size_t m = strlen(names[i]);
 
@@ -187,6 +191,24 @@ static bool is_host_ours(const saga_http *http, const char *request)
             return true;
     }
     return false;
+}
+
+/* Moves *path past "TOKEN/". Returns false if it begins otherwise; the time
+ * that this takes does not tell where it differs. */
+static bool take_token(const char **path, const saga_http *http)
+{
+    const size_t n = strlen(http->token);
+    unsigned differs = 0;
+
+    if (n == 0)
+        return true;
+    if (strcspn(*path, " ?#\r") < n + 1)
+        return false;
+    for (size_t i = 0; i < n; i++)
+        differs |= (unsigned char)(*path)[i] ^ (unsigned char)http->token[i];
+    differs |= (unsigned char)(*path)[n] ^ '/';
+    *path += n + 1;
+    return differs == 0;
 }
 
 /* Sets the answer to a complete request, whose first line must be "METHOD /PATH
@@ -213,7 +235,9 @@ static void answer(const saga_http *http, client *c)
         refuse(c, "403 Forbidden");
         return;
     }
-    file = find_file(http, path, strcspn(path, " ?#\r"));
+    file = take_token(&path, http)
+               ? find_file(http, path, strcspn(path, " ?#\r"))
+               : NULL;
     if (!file) {
         refuse(c, "404 Not Found");
         return;
@@ -371,6 +395,44 @@ static void turn(const saga_http *http, client *clients)
     }
 }
 
+bool saga_http_make_token(saga_http *http, saga_error *error)
+{
+    static const char name[] = "/dev/urandom";
+    unsigned char bytes[(SAGA_HTTP_TOKEN_NBYTES - 1) / 2];
+    FILE *const f = fopen(name, "rb");
+    const bool ok = f && fread(bytes, sizeof bytes, 1, f) == 1;
+
+    if (f)
+        fclose(f);
+    for (size_t i = 0; ok && i < sizeof bytes; i++)
+        snprintf(http->token + 2 * i, 3, "%02x", bytes[i]);
+    return ok || saga_fail_errno(error, name, "view without --host",
+                                 "cannot be read");
+}
+
+/* Says which addresses this machine has. */
+static bool refuse_host(const char *host, saga_error *error)
+{
+    struct ifaddrs *all = NULL;
+    char remedy[200] = "give one of ";
+    size_t n = strlen(remedy);
+
+    if (getifaddrs(&all) == 0)
+        for (const struct ifaddrs *a = all; a; a = a->ifa_next) {
+            char text[INET_ADDRSTRLEN];
+
+            if (!a->ifa_addr || a->ifa_addr->sa_family != AF_INET)
+                continue;
+            inet_ntop(AF_INET, &((struct sockaddr_in *)a->ifa_addr)->sin_addr,
+                      text, sizeof text);
+            if (n + strlen(text) + 3 < sizeof remedy)
+                n += (size_t)sprintf(remedy + n, "%s, ", text);
+        }
+    freeifaddrs(all);
+    remedy[n - 2] = '\0'; /* the last comma */
+    return saga_fail(error, host, remedy, "is no IPv4 address of this machine");
+}
+
 bool saga_http_open(saga_http *http, int port, saga_error *error)
 {
     struct sockaddr_in at = { .sin_family = AF_INET,
@@ -379,9 +441,11 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
     const int yes = 1;
     char name[32];
 
-    snprintf(name, sizeof name, "127.0.0.1:%d", port);
-    /* Only this machine can connect. */
-    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    snprintf(name, sizeof name, "%s:%d", http->host, port);
+    /* With an address for all networks, no Host could be checked. */
+    if (inet_pton(AF_INET, http->host, &at.sin_addr) != 1 ||
+        at.sin_addr.s_addr == htonl(INADDR_ANY))
+        return refuse_host(http->host, error);
     http->listener = socket(AF_INET, SOCK_STREAM, 0);
     if (http->listener >= 0 &&
         !setsockopt(http->listener, SOL_SOCKET, SO_REUSEADDR, &yes,
@@ -395,6 +459,8 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
         http->port = ntohs(at.sin_port);
         return true;
     }
+    if (errno == EADDRNOTAVAIL)
+        refuse_host(http->host, error);
     saga_fail_errno(error, name, "give another --port", "cannot be served");
     saga_http_close(http);
     return false;

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * A small HTTP/1.1 server for one user's browser. It listens on 127.0.0.1 and
- * serves files from memory, or parts of them (one Range), to GET and HEAD, with
- * one answer per connection. It never blocks on a client: a slow one delays
- * neither others nor the end. Requests whose Host is not this machine are
- * refused, so that no foreign page can read the files by DNS rebinding.
+ * A small HTTP/1.1 server for one user's browsers. It listens on one address,
+ * usually 127.0.0.1, and serves files from memory, or parts of them (one
+ * Range), to GET and HEAD, with one answer per connection. It never blocks on a
+ * client: a slow one delays neither others nor the end. Requests whose Host is
+ * not this address are refused, so that no foreign page can read the files by
+ * DNS rebinding. Where other machines can connect, a token that nobody can
+ * guess stands before every path.
  */
 #ifndef SAGA_VIEW_HTTP_H
 #define SAGA_VIEW_HTTP_H
@@ -22,14 +24,24 @@ typedef struct saga_http_file {
     size_t nbytes;
 } saga_http_file;
 
+#define SAGA_HTTP_LOCAL "127.0.0.1"
+
+enum { SAGA_HTTP_TOKEN_NBYTES = 33 }; /* 32 digits and a NUL */
+
 typedef struct saga_http {
     const saga_http_file *file; /* (n_files); owned by the caller */
     int n_files;
-    int listener; /* file descriptor */
+    const char *host; /* the IPv4 address, in numbers; owned by the caller */
+    char token[SAGA_HTTP_TOKEN_NBYTES]; /* "": none */
+    int listener;                       /* file descriptor */
     int port;
 } saga_http;
 
-/* Listens on a port; 0: any free port. If it returns false, *error says why. */
+/* Makes a random token. */
+bool saga_http_make_token(saga_http *http, saga_error *error);
+
+/* Listens on a port of the host; 0: any free port. If it returns false, *error
+ * says why. */
 bool saga_http_open(saga_http *http, int port, saga_error *error);
 
 /* Answers requests until *stop is not 0, which a signal handler may set;
