@@ -16,6 +16,8 @@
 #   examples   the commits that docs/adding.md names are in the history, with
 #              that subject, if the history is complete
 #   metrics    docs/metrics.md has a row for each metric of saga eval
+#   findings   docs/troubleshooting.md has a row for each finding of saga check,
+#              and none besides
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 
@@ -126,5 +128,39 @@ while read -r row; do
 done <"$tmp/rows" >"$tmp/bad"
 [ -s "$tmp/rows" ] || echo "trainer/measure/score.c: no metrics" >>"$tmp/bad"
 verdict metrics
+
+# ---- findings: a note up to its first : or ; or . with ... for its values
+python3 - >"$tmp/bad" <<'PYTHON'
+import re
+
+text = r'((?:"(?:[^"\\\\]|\\\\.)*"\s*)+)'
+found = []
+
+
+def words(literals):
+    note = "".join(re.findall(r'"((?:[^"\\]|\\.)*)"', literals))
+    note = re.sub(r"%[-+.0-9]*[a-z]", "\0", note.replace("%%", "%"))
+    return re.split("[:;.]", note)[0].rstrip().replace("\0", "...")
+
+
+for name in ("judge", "pictures"):
+    with open("trainer/capture/survey/survey_%s.c" % name) as f:
+        source = f.read()
+    kinds = dict(re.findall(r"saga_note_kind (\w+) = \{\s*" + text, source))
+    notes = re.findall(r"saga_note\([^\"]*?,\s*" + text, source)
+    notes += re.findall(r'\? ("The [^"]*")', source)
+    for kind, item in re.findall(r"saga_note_each\([^\"]*?&(\w+),\s*" + text,
+                                 source):
+        notes.append(kinds[kind] if words(kinds[kind]) else item)
+    found += [words(n) for n in notes]
+with open("docs/troubleshooting.md") as f:
+    page = f.read().partition("| finding |")[2]
+rows = re.findall(r"^\| ([^|]*) \|", page, re.M)
+# One note begins with a choice of words, which the third pattern finds.
+for finding in sorted((set(found) - {"..."}) ^ set(rows)):
+    print("docs/troubleshooting.md: " + finding + ": " + (
+        "no row" if finding in found else "no finding of saga check"))
+PYTHON
+verdict findings
 
 [ ! -e "$tmp/failed" ]

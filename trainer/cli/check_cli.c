@@ -173,6 +173,8 @@ static const saga_line text[] = {
     { "warnings", NULL, "\nneeds attention:\n" },
     { "!warnings", NULL, "\nnothing needs attention\n" },
     { "", "warnings", "  - {}\n" },
+    { "warnings", NULL,
+      "  docs/troubleshooting.md has causes and remedies of each\n" },
     { "", NULL,
       "\nestimates from the files measured in docs/results/rd.md "
       "(PSNR is known only\nafter training):\n" },

@@ -435,6 +435,8 @@ static const saga_line file_text[] = {
       "how good the scene looks from between\n  the cameras; --hold-out NAME "
       "tells\n" },
     { "", NULL, "  {seconds:%.0f} s; next: saga view {file}\n" },
+    { "/between_poor", NULL,
+      "  docs/troubleshooting.md has other causes of blur and ghosts\n" },
     { "/between_good&!psnr_parts./bad", NULL,
       "  and when you are content, "
       "encode again with --hold-out \"\", since every camera helps\n" }
