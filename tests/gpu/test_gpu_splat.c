@@ -8,6 +8,7 @@
  */
 #include "flat_state.h"
 #include "gpu_splat.h"
+#include "novel.h"
 #include "splat_scene.h"
 #include "testing.h"
 #include "tiny_training.h"
@@ -230,6 +231,68 @@ TEST(a_pass_should_agree_with_the_host)
         free_fixture(f);
     }
     assert_true(ok);
+}
+
+/* --- Teachers ------------------------------------------------------------ */
+
+/* Two teachers, whose mean is drawn while a set of the warm-up is on the
+ * device: the set must come back unchanged. */
+TEST(teachers_should_draw_as_on_the_host)
+{
+    world *const w = world_of(state);
+    fixture *const f = new_fixture(700, W, H, 3, 3), *const g = new_fixture(
+                                                         500, W, H, 4, 5);
+    const saga_sample sample = { .view = w->capture.n_views, .frame = 1 };
+    FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
+    const size_t n = 3 * (size_t)W * H;
+    real *const truth = calloc(n, sizeof *truth);
+    /* Moments are the values again; the sums do not matter here. */
+    uint32_t *const seen = calloc(f->n, sizeof *seen);
+    const saga_splat_stats stats = { truth, truth, seen };
+    const saga_gpu_set put = { .n = (uint32_t)f->n,
+                               .value = f->p,
+                               .m = f->p,
+                               .v = f->p,
+                               .stats = stats,
+                               .worth = truth },
+                       back = { .n = (uint32_t)f->n,
+                                .value = other,
+                                .m = other,
+                                .v = other,
+                                .stats = stats,
+                                .worth = truth };
+    saga_source_view between = w->capture.views[w->pictures.train[0]];
+    double nearest = w->pictures.range[0];
+    saga_novel novel = { .view = &between, .nearest = &nearest, .n_views = 1 };
+    FREED_BY(saga_canvas_free) saga_canvas canvas = { 0 };
+    saga_gpu_canvas *on;
+
+    assert_done(saga_pictures_canvas(&novel.canvas, &w->pictures, &error));
+    assert_done(saga_pictures_canvas(&canvas, &w->pictures, &error));
+    assert_done(saga_novel_teach(&novel, &f->p, (uint32_t)f->n, &error));
+    assert_done(saga_novel_teach(&novel, &g->p, (uint32_t)g->n, &error));
+    w->pictures.novel = &novel;
+    assert_done(on = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_put(on, &put, &error));
+    assert_done(saga_gpu_show(on, &canvas, sample, &error));
+    memcpy(truth, canvas.truth, n * sizeof *truth);
+    assert_done(saga_novel_show(&canvas, &w->pictures, sample, &error));
+    assert_true(largest(canvas.truth, n) > 0.1);
+    assert_true(is_near("teachers", "truth", truth, canvas.truth, n, 1e-5));
+    assert_done(saga_gpu_get(on, &back, &error));
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        assert_memory_equal(other.of[a], f->p.of[a],
+                            f->n * (size_t)saga_attributes[a].width *
+                                sizeof(real));
+    w->pictures.novel = NULL;
+    saga_gpu_canvas_free(on);
+    free(seen);
+    novel.view = NULL;
+    novel.nearest = NULL;
+    saga_novel_free(&novel);
+    free(truth);
+    free_fixture(f);
+    free_fixture(g);
 }
 
 /* --- Trainings ----------------------------------------------------------- */

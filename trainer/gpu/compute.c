@@ -34,12 +34,33 @@ static bool no_devices(const char *what, saga_error *error)
     return saga_fail(error, NULL, no_vulkan, "%s", what);
 }
 
+/* Extensions that are used where they are there. */
+static const char *const portable = "VK_KHR_portability_enumeration";
+static const char *const subset = "VK_KHR_portability_subset";
+
+enum { MOST_EXTENSIONS = 512 };
+
+/* Tells whether the device has the extension, or with NULL the loader. */
+static bool has_extension(VkPhysicalDevice device, const char *name)
+{
+    static VkExtensionProperties list[MOST_EXTENSIONS];
+    uint32_t n = MOST_EXTENSIONS;
+    const VkResult r =
+        device ? vkEnumerateDeviceExtensionProperties(device, NULL, &n, list)
+               : vkEnumerateInstanceExtensionProperties(NULL, &n, list);
+
+    for (uint32_t i = 0; r >= 0 && i < n; i++)
+        if (strcmp(list[i].extensionName, name) == 0)
+            return true;
+    return false;
+}
+
 static bool list_devices(listing *l, saga_error *error)
 {
     const VkApplicationInfo app = { .sType = VK_STRUCTURE_TYPE_APPLICATION_INFO,
                                     .pApplicationName = "saga",
                                     .apiVersion = VK_API_VERSION_1_1 };
-    const VkInstanceCreateInfo info = {
+    VkInstanceCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO,
         .pApplicationInfo = &app
     };
@@ -47,6 +68,13 @@ static bool list_devices(listing *l, saga_error *error)
     *l = (listing){ .n = MOST_DEVICES };
     if (volkInitialize() != VK_SUCCESS)
         return no_devices("there is no Vulkan on this machine", error);
+    /* Drivers over another interface, such as MoltenVK over Metal, are listed
+     * only for who asks. */
+    if (has_extension(NULL, portable)) {
+        info.flags = VK_INSTANCE_CREATE_ENUMERATE_PORTABILITY_BIT_KHR;
+        info.enabledExtensionCount = 1;
+        info.ppEnabledExtensionNames = &portable;
+    }
     if (vkCreateInstance(&info, NULL, &l->instance) != VK_SUCCESS)
         return no_devices("no driver of a GPU was found", error);
     volkLoadInstance(l->instance);
@@ -174,10 +202,13 @@ static bool make_queue(saga_gpu *g)
         .queueCount = 1,
         .pQueuePriorities = &priority
     };
+    /* Who is only portable has to be told that this is known. */
     const VkDeviceCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
         .queueCreateInfoCount = 1,
-        .pQueueCreateInfos = &queue
+        .pQueueCreateInfos = &queue,
+        .enabledExtensionCount = has_extension(g->physical, subset),
+        .ppEnabledExtensionNames = &subset
     };
     const VkCommandPoolCreateInfo pool = {
         .sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,

@@ -47,6 +47,7 @@ void saga_gpu_canvas_free(saga_gpu_canvas *g)
 {
     if (!g)
         return;
+    saga_gpu_canvas_free(g->teachers);
     saga_gpu_end_pictures(g);
     for (int b = 0; b < GPU_N_BUFFERS; b++)
         saga_gpu_free(&g->on[b], g->gpu);

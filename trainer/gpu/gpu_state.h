@@ -68,6 +68,7 @@ struct saga_gpu_canvas {
     uint32_t n_set; /* primitives that were put */
     uint32_t attrs; /* and their attributes */
     saga_gpu_cache cache;
+    saga_gpu_canvas *teachers; /* draws their pictures; NULL: none so far */
     /* The truth of the next picture. */
     bool is_stored; /* of stored bytes; else of floats in up_picture */
     bool is_new;    /* the bytes are in up_picture, for the slot */
