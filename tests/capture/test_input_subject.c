@@ -77,6 +77,42 @@ TEST_IN_FOLDER(subject_should_be_cut_out_by_opacity)
     check(f, 1, 255, 0);
 }
 
+/* A subject without excess of green over a green screen: the screen's share of
+ * a pixel is its share of the screen's excess. Opacity rises from 0 at 70 % to
+ * 1 at 10 %, and of the screen's light nothing remains. */
+TEST_IN_FOLDER(subject_should_be_cut_out_by_a_key)
+{
+    static const int screen[3] = { 40, 200, 10 }, own[3] = { 150, 150, 90 };
+    static const double share[4] = { 1, 0.6, 0.3, 0 };
+    saga_capture_options o = subject(1);
+    saga_capture c;
+    uint8_t rgb[3 * W * H];
+
+    for (int i = 0; i < 3 * W * H; i++) {
+        const double s = share[i / 3 % W / 8];
+
+        rgb[i] = (uint8_t)lrint(s * screen[i % 3] + (1 - s) * own[i % 3]);
+    }
+    write_picture(f);
+    assert_done(saga_png_write(folder_file(f, picture), W, H, rgb, &error));
+    o.keyed = true;
+    memcpy(o.key, (uint8_t[]){ 40, 200, 10 }, sizeof o.key);
+    c = load_with(f->path, &o);
+    for (int i = 0; i < W * H; i++) {
+        const double s = share[i % W / 8];
+        const double alpha = fmin(fmax((0.7 - s) / 0.6, 0), 1);
+
+        assert_near(c.views[0].mask[i], 255 * alpha, 2);
+        for (int k = 0; k < 3; k++)
+            assert_near(c.views[0].rgb[3 * i + k], alpha * own[k], 2);
+    }
+    saga_capture_free(&c);
+    memcpy(o.key, (uint8_t[]){ 255, 255, 200 }, sizeof o.key);
+    refused_with(f->path, &o, "--key", "no channel is above the others");
+    memcpy(o.key, (uint8_t[]){ 0, 0, 255 }, sizeof o.key);
+    refused_with(f->path, &o, f->path, "is the whole of all pictures");
+}
+
 TEST_IN_FOLDER(subject_should_be_refused_when_nothing_shows_it)
 {
     const saga_capture_options o = subject(1);

@@ -9,7 +9,8 @@
 #   parts       segments that are trained apart share the box of the whole film:
 #               joined they are the file of a single process
 #   bad         a capture without a mask, or without any, --box without
-#               --subject and a box of no size give a message of one line
+#               --subject, a box of no size and a key that is no screen's give a
+#               message of one line
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 checks=subject
@@ -53,8 +54,9 @@ cmp -s joined.saga seg.saga || complain "two parts: another file"
 verdict parts
 
 # ---- bad
-told 2 'give --subject too' cap -o x.saga --box=0,0,0,1,1,1
+told 2 'give --subject or --key too' cap -o x.saga --box=0,0,0,1,1,1
 told 2 "not '0,0,0,1,1,0'" cap -o x.saga --subject --box=0,0,0,1,1,0
+told 1 'no channel is above the others by 64' cap -o x.saga --key 808080
 told 2 "not '0,0,0,1,1'" cap -o x.saga --subject --box=0,0,0,1,1
 rm cap/masks/cam03/00001.png
 expect 1 cap -o x.saga --subject

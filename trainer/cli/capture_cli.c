@@ -2,6 +2,7 @@
 #include "capture_cli.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 saga_capture_options saga_capture_chosen(const saga_capture_choice *choice)
 {
@@ -14,7 +15,9 @@ saga_capture_options saga_capture_chosen(const saga_capture_choice *choice)
     o.hold_out = choice->hold_out;
     o.late = choice->late;
     o.alpha_masks = choice->alpha_masks;
-    o.subject = choice->subject;
+    o.subject = saga_capture_of_subject(choice);
+    o.keyed = choice->key.given;
+    memcpy(o.key, choice->key.rgb, sizeof o.key);
     o.follow_paths = choice->follow_paths;
     o.memory_nbytes = (uint64_t)choice->memory << 30;
     o.scratch = choice->scratch     ? choice->scratch

@@ -14,6 +14,7 @@ typedef struct saga_capture_choice {
     int scale; /* 1/scale of the size; 0: not given */
     int memory, threads;
     bool alpha_masks, subject, follow_paths;
+    saga_cli_rgb key; /* implies subject */
 } saga_capture_choice;
 
 /* The choice if no option is given. */
@@ -75,6 +76,15 @@ typedef struct saga_capture_choice {
           offsetof(type, member.subject),                                    \
           0,                                                                 \
           0 },                                                               \
+        { "--key",                                                           \
+          "RRGGBB",                                                          \
+          "as --subject, but keep what has not the colour of a "             \
+          "green or\nblue screen, as two hex digits for red, green and "     \
+          "blue",                                                            \
+          saga_cli_colour,                                                   \
+          offsetof(type, member.key),                                        \
+          0,                                                                 \
+          0 },                                                               \
         { "--follow-paths",                                                  \
           NULL,                                                              \
           "read files outside the capture's folder if "                      \
@@ -107,6 +117,12 @@ typedef struct saga_capture_choice {
             "result does\nnot depend on it",                                 \
             saga_cli_int, offsetof(type, member.threads), 1, 1024            \
     }
+
+/* Tells whether a subject is wanted, by masks or by a key. */
+static inline bool saga_capture_of_subject(const saga_capture_choice *choice)
+{
+    return choice->subject || choice->key.given;
+}
 
 /* Returns the options for loading; `progress` is not set. If no folder is
  * chosen, the scratch file is in TMPDIR, or in /var/tmp: /tmp is often in

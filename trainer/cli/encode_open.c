@@ -369,8 +369,9 @@ static int open_training(saga_encode_session *s)
     /* The first segment is given by the checkpoint or the file of networks.
      * Otherwise all segments are loaded to find the one with the most
      * change; and of a subject always, to find its box. */
-    status = known && !s->o->capture.subject ? SAGA_EXIT_OK
-                                             : find_first(s, &t.first);
+    status = known && !saga_capture_of_subject(&s->o->capture)
+                 ? SAGA_EXIT_OK
+                 : find_first(s, &t.first);
     if (!status && known)
         status = resume ? find_stopped(s, &t) : adopt_networks(s, &t);
     if (!status)

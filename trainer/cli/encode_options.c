@@ -54,8 +54,8 @@ static const char *contradiction(const saga_encode_options *o,
     } wrong[] = {
         { !o->output && o->sweep, "the output is missing; give -o FOLDER" },
         { !o->output, "the output is missing; give -o FILE.saga" },
-        { o->box[0] < o->box[3] && !o->capture.subject,
-          "--box is the box of a subject; give --subject too" },
+        { o->box[0] < o->box[3] && !saga_capture_of_subject(&o->capture),
+          "--box is the box of a subject; give --subject or --key too" },
         { o->still && o->moving, "--still and --moving exclude each other" },
         { (o->lambda > 0) + (o->size > 0) + (o->bitrate > 0) + o->sweep > 1,
           "give only one of --lambda, --size, --bitrate and --sweep: each "
@@ -179,6 +179,10 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     saga_put_int(list, "seed", o->seed);
     saga_put_flag(list, "alpha_masks", c->alpha_masks);
     saga_put_flag(list, "subject", c->subject);
+    if (c->key.given)
+        saga_put(
+            list, "key",
+            json_pack("[iii]", c->key.rgb[0], c->key.rgb[1], c->key.rgb[2]));
     if (o->box[0] < o->box[3])
         saga_put(list, "box",
                  json_pack("[ffffff]", o->box[0], o->box[1], o->box[2],

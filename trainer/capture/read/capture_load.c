@@ -6,6 +6,7 @@
 #include "error.h"
 #include "load_job.h"
 #include "notes.h"
+#include "subject.h"
 
 #include <assert.h>
 #include <math.h>
@@ -38,7 +39,7 @@ static bool check_options(const saga_capture_options *o, const char *path,
         return saga_fail(error, path, "use --frames A:B with 0 <= A < B",
                          "--frames %d:%d is empty", o->first_frame,
                          o->end_frame);
-    return true;
+    return !o->keyed || saga_subject_check_key(o->key, error);
 }
 
 static bool choose_range(saga_capture *capture, const saga_listing *listing,

@@ -13,13 +13,14 @@
 
 bool saga_load_has_opacity(const saga_load_job *job, const saga_source *s)
 {
-    return (job->options->alpha_masks || job->options->subject) &&
+    const saga_capture_options *const o = job->options;
+    return (o->alpha_masks || (o->subject && !o->keyed)) &&
            (s->pictures || s->info.alpha);
 }
 
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s)
 {
-    bool any = saga_load_has_opacity(job, s);
+    bool any = saga_load_has_opacity(job, s) || job->options->keyed;
     for (int k = 0; s->masks && !any && k < job->capture->n_frames; k++)
         any = s->masks[job->capture->first_frame + k] != NULL;
     return any;

@@ -8,6 +8,7 @@
 #include "alloc.h"
 #include "error.h"
 #include "picture.h"
+#include "subject.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -209,39 +210,33 @@ static const char *source_file(const saga_load_job *job, int v, int k)
     return s->pictures ? s->pictures[job->capture->first_frame + k] : s->video;
 }
 
-static bool is_all(const uint8_t *bytes, size_t n, uint8_t value)
-{
-    size_t i = 0;
-    while (i < n && bytes[i] == value)
-        i++;
-    return i == n;
-}
-
-/* Cuts the subject out of a picture: reads its mask, unless that is the
- * picture's opacity, and multiplies the colours by it. This comes before
- * scaling, so that pixels at the edge have the subject's part of their light
- * and nothing of what is behind. */
+/* Cuts the subject out of a picture by the key, by its mask, or by the opacity
+ * that is in the mask already. */
 static bool cut_out(const saga_load_job *job, int v, int k, const canvas *c,
                     saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
     const size_t n = (size_t)s->width * (size_t)s->height;
-    if (!mask_file(job, v, k) && (!c->opacity || is_all(c->mask, 3 * n, 255)))
+    if (job->options->keyed) {
+        saga_subject_key(c->pixels, c->mask, n, job->options->key);
+        return true;
+    }
+    if (!mask_file(job, v, k) &&
+        (!c->opacity || saga_subject_is_all(c->mask, 3 * n, 255)))
         return saga_fail(error, source_file(job, v, k),
                          "give it a mask, as `saga help check` says, or "
-                         "opacity, or leave --subject out",
+                         "opacity, or --key, or leave --subject out",
                          "nothing tells the subject from the rest in a picture "
                          "of camera %s",
                          s->name);
     if (mask_file(job, v, k) && !read_grey(job, v, k, c->mask, error))
         return false;
-    for (size_t i = 0; i < 3 * n; i++)
-        c->pixels[i] = (uint8_t)((c->pixels[i] * c->mask[i] + 127) / 255);
+    saga_subject_cut(c->pixels, c->mask, n);
     return true;
 }
 
 /* Tells whether a view's digest is of its pictures as filmed. A subject is cut
- * out by masks, which change pixels. */
+ * out by masks or a key, which change pixels. */
 static bool is_of_film(const saga_load_job *job, const saga_source_view *view)
 {
     return view->filmed.depth && !job->options->subject;
@@ -500,29 +495,6 @@ static bool check_mask(const saga_load_job *job, int v)
                      view->name);
 }
 
-/* Refuses a subject that fills all pictures, or none: the masks are missing, or
- * do not mean the opacity of a subject. */
-static bool check_subject(const saga_load_job *job)
-{
-    const saga_capture *const c = job->capture;
-    bool none = true, all = true;
-    for (int v = 0; v < c->n_views; v++) {
-        const saga_source_view *const view = &c->views[v];
-        const size_t n = (size_t)view->width * (size_t)view->height *
-                         (size_t)saga_view_n_held(view, c->n_frames);
-        if (view->n_missing == c->n_frames)
-            continue;
-        none = none && is_all(view->mask, n, 0);
-        all = all && is_all(view->mask, n, 255);
-    }
-    return (!none && !all) ||
-           saga_fail(job->error, job->listing->path,
-                     "make the masks white, or the pictures opaque, where the "
-                     "subject is, and black or transparent elsewhere",
-                     "the subject of --subject is %s all pictures",
-                     none ? "in none of" : "the whole of");
-}
-
 /* Fills a pixel that does not count from the nearest frame in which it counts,
  * or with black if there is none. Time is linear in the number of frames. */
 static void fill_masked(saga_load_job *job, int v)
@@ -591,7 +563,8 @@ bool saga_load_pictures(saga_load_job *job)
             load_view(job, v, MASKS);
     if (job->first_failed != INT32_MAX)
         return false;
-    if (job->capture->subject && !check_subject(job))
+    if (job->capture->subject &&
+        !saga_subject_check(job->capture, job->listing->path, job->error))
         return false;
     for (int v = 0; v < n_views; v++) {
         if (!job->capture->views[v].mask || job->capture->subject)
