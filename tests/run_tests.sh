@@ -285,6 +285,7 @@ many() {
         check "$name" "tests/cli/check_$name.sh"
     done
     check devices tests/cli/check_devices.sh
+    [ "$what" != all ] || check subgroups tests/cli/check_subgroups.sh
     check ksy python3 tests/check_ksy.py
     check metrics python3 tests/cli/check_metrics.py
     check python python3 tests/cli/check_python.py
