@@ -298,7 +298,8 @@ class Film:
         text."""
         with tempfile.TemporaryDirectory() as folder:
             name = os.path.basename(self.info.name) or "film"
-            film, page = (os.path.join(folder, n) for n in (name, "page.html"))
+            film = os.path.join(folder, name)
+            page = film + ".html"
             with builtins.open(film, "wb") as f:
                 f.write(self._data)
             try:

@@ -13,14 +13,23 @@ const POSTER_WIDTH = 640;
 
 const $ = (id) => document.getElementById(id);
 
+function bytesOf(base64) {
+    const text = atob(base64);
+    const bytes = new Uint8Array(text.length);
+
+    // A loop, since Uint8Array.from takes far longer.
+    for (let i = 0; i < text.length; i++)
+        bytes[i] = text.charCodeAt(i);
+    return bytes;
+}
+
 // Returns parts of the bytes that an element has in base64.
 function partsOf(id) {
     const text = $(id).textContent;
     const parts = [];
 
     for (let at = 0; at < text.length; at += GROUP)
-        parts.push(Uint8Array.from(atob(text.slice(at, at + GROUP)),
-            (c) => c.charCodeAt(0)));
+        parts.push(bytesOf(text.slice(at, at + GROUP)));
     return parts;
 }
 
