@@ -741,12 +741,17 @@ says_plan() {
 }
 says_plan 'pictures are reduced to 1/2 of their size, to fit the time of preset fast'
 says_plan '480 iterations: preset fast, 30 visits' --scale 1
-# A training that takes more memory than allowed must not begin.
+# A training that takes more memory than allowed must be refused before a picture
+# is decoded.
+picture=$(find "$tmp/wide" -name '*.png' | head -1)
+cp "$picture" "$tmp/whole.png"
+head -c 100 "$tmp/whole.png" >"$picture"
 expect 2 encode "$tmp/wide" -o "$tmp/wide.saga" --scale 1 --level 3 \
     --primitives 400000 --memory 4
 grep -q 'training 400000 primitives takes 5\.[0-9] GiB of memory, 0\.0 of' \
     "$tmp/err" && grep -q 'allows 4; give --memory 6, or fewer' "$tmp/err" ||
     complain "encode: no word of memory: $(cat "$tmp/err")"
+cp "$tmp/whole.png" "$picture"
 ! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
 # For one camera there must be no comparison with others, and for four frames no
 # estimate of delays.

@@ -145,6 +145,31 @@ TEST(memory_should_be_that_measured)
     }
 }
 
+/* What a plan needs at least is known before pictures are read: of pixels of
+ * which none changes, one primitive for 120, or what was given. */
+TEST(least_number_should_be_that_of_a_scene_at_rest)
+{
+    const saga_preset *const balanced = saga_preset_called("balanced");
+    saga_train_options o = { .n_segments = 2, .level = 3 };
+    saga_capture c = { .n_frames = 100,
+                       .fps = 25,
+                       .n_learned = 12,
+                       .learned_pixels = 12e5,
+                       .largest_pixels = 1e5 };
+
+    assert_int_equal(saga_plan_least(&o, &c, balanced), 10000);
+    assert_int_equal(saga_plan_least(&o, &c, saga_preset_called("best")),
+                     14000);
+    /* Of a still or a moving camera, ten views count. */
+    c.moves = true;
+    assert_int_equal(saga_plan_least(&o, &c, balanced), 8333);
+    /* (228,000 - 4,000) / 11, in two segments. */
+    o.n_bytes = 228000;
+    assert_int_equal(saga_plan_least(&o, &c, balanced), 10182);
+    o.n_primitives = 77;
+    assert_int_equal(saga_plan_least(&o, &c, balanced), 77);
+}
+
 /* Of 160 iterations, 96 belong to the warm-up. The other 64 take 2.5 times as
  * long, so that all take the time of 256 iterations of the warm-up, 64 seconds
  * at a quarter of a second each. Two teachers must add half of that for a

@@ -317,13 +317,13 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
     }
 }
 
-/* Refuses a training for which --memory is too small, before it begins. */
-static int check_memory(const saga_encode_session *s,
-                        const saga_train_options *t)
+/* Refuses a training for which --memory is too small. pictures: the bytes of
+ * those in memory. */
+static int check_memory(const saga_encode_session *s, uint32_t n_primitives,
+                        double pictures)
 {
-    const saga_capture *const c = &s->capture;
-    const double pictures = c->pixels.at ? 0 : (double)c->picture_nbytes;
-    const double model = saga_plan_memory(t->n_primitives, c->largest_pixels);
+    const double model = saga_plan_memory(n_primitives,
+                                          s->whole.largest_pixels);
     const double need = 0x1p-30 * (model + pictures);
 
     return need <= s->o->capture.memory
@@ -333,8 +333,28 @@ static int check_memory(const saga_encode_session *s,
                                 "of memory, %.1f of them for pictures; "
                                 "--memory allows %d; give --memory %.0f, or "
                                 "fewer --primitives",
-                                t->n_primitives, need, 0x1p-30 * pictures,
+                                n_primitives, need, 0x1p-30 * pictures,
                                 s->o->capture.memory, ceil(need));
+}
+
+/* Refuses a training before a picture is decoded if it takes too much even with
+ * the least number of primitives and in the shortest segment. What a checkpoint
+ * or networks have chosen is not known yet. */
+static int check_least_memory(saga_encode_session *s)
+{
+    const saga_capture_options with = saga_encode_capture_options(s);
+    const int n_frames = s->whole.n_frames / s->n_segments;
+    const double pictures = (double)s->whole.picture_nbytes /
+                            s->whole.n_frames * n_frames;
+    saga_train_options least = train_options(s);
+
+    if (least.networks || (s->o->resume && saga_path_is_file(s->checkpoint)))
+        return SAGA_EXIT_OK;
+    least.n_primitives = saga_plan_least(&least, &s->whole, s->plan.preset);
+    if (s->plan.of_sweep)
+        least.n_primitives = primitives_of(s, &least);
+    return check_memory(s, least.n_primitives,
+                        pictures > (double)with.little_nbytes ? 0 : pictures);
 }
 
 static int adopt_networks(saga_encode_session *s, saga_train_options *t)
@@ -374,6 +394,8 @@ static int open_training(saga_encode_session *s)
                  : find_first(s, &t.first);
     if (!status && known)
         status = resume ? find_stopped(s, &t) : adopt_networks(s, &t);
+    if (!status && known)
+        status = check_memory(s, t.n_primitives, 0);
     if (!status)
         status = saga_encode_load(s, t.networks ? t.only : t.first);
     if (status)
@@ -383,7 +405,9 @@ static int open_training(saga_encode_session *s)
     /* The plan needs the loaded capture, because it depends on its pixels and
      * motion. */
     plan(s, &t, resume);
-    status = check_memory(s, &t);
+    status = check_memory(
+        s, t.n_primitives,
+        s->capture.pixels.at ? 0 : (double)s->capture.picture_nbytes);
     if (status)
         return status;
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
@@ -489,6 +513,8 @@ int saga_encode_open(saga_encode_session *s)
         status = saga_encode_synchronise(s);
     if (!status)
         status = look_at_capture(s);
+    if (!status)
+        status = check_least_memory(s);
     if (!status)
         status = saga_encode_refine(s);
     if (!status)

@@ -301,6 +301,21 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
              o->n_iterations, p->name, o->n_iterations / e.pictures);
 }
 
+uint32_t saga_plan_least(const saga_train_options *o, const saga_capture *c,
+                         const saga_preset *p)
+{
+    const double pixels = c->n_frames == 1 || c->moves
+                              ? of_still(c->learned_pixels, c->largest_pixels)
+                              : c->learned_pixels;
+
+    if (o->n_primitives)
+        return o->n_primitives;
+    return within_level(
+        o, o->n_bytes ? saga_plan_primitives_of_size((double)o->n_bytes) /
+                            o->n_segments
+                      : p->primitives * saga_plan_primitives(pixels, 0, 0));
+}
+
 /* Returns the number of iterations that a still can do within the preset's
  * minutes, with its pictures at 1/scale of their size. */
 static double still_iterations(const saga_train_options *o,

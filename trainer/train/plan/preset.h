@@ -86,6 +86,12 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 /* Returns the number of primitives that make a file of about n_bytes bytes. */
 double saga_plan_primitives_of_size(double n_bytes);
 
+/* Returns the least number of primitives that saga_plan may choose, or the one
+ * that is given. c: a capture whose files were listed, not loaded, so that it
+ * is not known how much of it changes. */
+uint32_t saga_plan_least(const saga_train_options *o, const saga_capture *c,
+                         const saga_preset *preset);
+
 /* Sets n_primitives and n_iterations of *o where they are 0, from n_bytes, the
  * preset and the pictures of the first segment to be trained. The number of
  * primitives is one that the level has room for, whatever tools are chosen. If
