@@ -414,22 +414,23 @@ bool saga_http_make_token(saga_http *http, saga_error *error)
 static bool refuse_host(const char *host, saga_error *error)
 {
     struct ifaddrs *all = NULL;
-    char remedy[200] = "give one of ";
+    char remedy[200] = "give one of " SAGA_HTTP_LOCAL;
     size_t n = strlen(remedy);
 
     if (getifaddrs(&all) == 0)
         for (const struct ifaddrs *a = all; a; a = a->ifa_next) {
+            const void *const address = a->ifa_addr;
+            const struct sockaddr_in *const at = address;
             char text[INET_ADDRSTRLEN];
 
-            if (!a->ifa_addr || a->ifa_addr->sa_family != AF_INET)
+            if (!at || at->sin_family != AF_INET)
                 continue;
-            inet_ntop(AF_INET, &((struct sockaddr_in *)a->ifa_addr)->sin_addr,
-                      text, sizeof text);
-            if (n + strlen(text) + 3 < sizeof remedy)
-                n += (size_t)sprintf(remedy + n, "%s, ", text);
+            inet_ntop(AF_INET, &at->sin_addr, text, sizeof text);
+            if (strcmp(text, SAGA_HTTP_LOCAL) != 0 &&
+                n + strlen(text) + 3 < sizeof remedy)
+                n += (size_t)sprintf(remedy + n, ", %s", text);
         }
     freeifaddrs(all);
-    remedy[n - 2] = '\0'; /* the last comma */
     return saga_fail(error, host, remedy, "is no IPv4 address of this machine");
 }
 
