@@ -43,16 +43,18 @@ enum { MOST_EXTENSIONS = 512 };
 /* Tells whether the device has the extension, or with NULL the loader. */
 static bool has_extension(VkPhysicalDevice device, const char *name)
 {
-    static VkExtensionProperties list[MOST_EXTENSIONS];
     uint32_t n = MOST_EXTENSIONS;
-    const VkResult r =
-        device ? vkEnumerateDeviceExtensionProperties(device, NULL, &n, list)
-               : vkEnumerateInstanceExtensionProperties(NULL, &n, list);
+    VkExtensionProperties *const list = malloc(n * sizeof *list);
+    bool found = false;
 
-    for (uint32_t i = 0; r >= 0 && i < n; i++)
-        if (strcmp(list[i].extensionName, name) == 0)
-            return true;
-    return false;
+    /* A longer list is cut, which is no error. */
+    if (list &&
+        (device ? vkEnumerateDeviceExtensionProperties(device, NULL, &n, list)
+                : vkEnumerateInstanceExtensionProperties(NULL, &n, list)) >= 0)
+        for (uint32_t i = 0; i < n && !found; i++)
+            found = strcmp(list[i].extensionName, name) == 0;
+    free(list);
+    return found;
 }
 
 static bool list_devices(listing *l, saga_error *error)
