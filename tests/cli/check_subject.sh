@@ -3,7 +3,8 @@
 #
 # check_subject.sh: guarantees, for `saga encode --subject` (build/saga, or
 # SAGA=...),
-#   good        the box that is reported gives the same file as --box;
+#   good        cameras are checked by whole pictures; the box that is reported
+#               gives about the same file as --box;
 #               `saga eval --subject` reports the IoU of opacity and masks,
 #               which is more than that of the whole scene
 #   parts       segments that are trained apart share the box of the whole film:
@@ -28,6 +29,7 @@ iou() { # iou FILE: of the training views
         python3 -c 'import json, sys; print(json.load(sys.stdin)["training"]["iou"])'
 }
 expect 0 cap -o s.saga "${small[@]}" --subject
+! grep -q 'Noise instead' err || complain "checked without what is behind"
 box=$(sed -n 's/.* within --box \(.*\)/\1/p' err)
 [ "$(tr -dc , <<<"$box" | wc -c)" = 5 ] || complain "no box: $(cat err)"
 expect 0 cap -o box.saga "${small[@]}" --subject --box="$box"
@@ -56,12 +58,14 @@ verdict parts
 # ---- bad
 told 2 'give --subject or --key too' cap -o x.saga --box=0,0,0,1,1,1
 told 2 "not '0,0,0,1,1,0'" cap -o x.saga --subject --box=0,0,0,1,1,0
-told 1 'no channel is above the others by 64' cap -o x.saga --key 808080
+expect 1 cap -o x.saga --key 808080
+grep -q 'no channel is above the others by 64' err || complain "$(cat err)"
 told 2 "not '0,0,0,1,1'" cap -o x.saga --subject --box=0,0,0,1,1
 rm cap/masks/cam03/00001.png
 expect 1 cap -o x.saga --subject
 grep -q 'cam03/00001.png: nothing tells the subject' err || complain "$(cat err)"
 rm -r cap/masks
-told 1 'cam00/00000.png: nothing tells the subject' cap -o x.saga --subject
+expect 1 cap -o x.saga --subject
+grep -q 'cam00/00000.png: nothing tells the subject' err || complain "$(cat err)"
 [ ! -e x.saga ] || complain "a file of what was refused"
 verdict bad

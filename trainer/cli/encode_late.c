@@ -92,7 +92,7 @@ int saga_encode_synchronise(saga_encode_session *s)
 {
     const char *const late = s->o->capture.late;
     const bool asked = late && strcmp(late, "auto") == 0;
-    saga_capture_options with = saga_encode_capture_options(s);
+    saga_capture_options with = saga_encode_uncut_options(s);
     saga_error unequal = { "" };
     saga_capture look;
 

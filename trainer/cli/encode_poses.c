@@ -15,7 +15,7 @@
 /* Returns the options for loading the first frame at its full size. */
 static saga_capture_options first_frame(saga_encode_session *s)
 {
-    saga_capture_options o = saga_encode_capture_options(s);
+    saga_capture_options o = saga_encode_uncut_options(s);
 
     o.first_frame = s->whole.first_frame;
     o.end_frame = s->whole.first_frame + 1;

@@ -115,6 +115,17 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s)
     return c;
 }
 
+saga_capture_options saga_encode_uncut_options(saga_encode_session *s)
+{
+    saga_capture_options c = saga_encode_capture_options(s);
+
+    /* What is behind a subject tells more of the cameras than the subject. */
+    c.uncut = c.subject;
+    c.subject = c.keyed = false;
+    c.alpha_masks = c.alpha_masks && !c.uncut;
+    return c;
+}
+
 int saga_encode_begin(const saga_encode_session *s, int segment)
 {
     return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);

@@ -57,6 +57,9 @@ typedef struct saga_encode_session {
 
 /* Returns the options for loading: those given, with the session's scale. */
 saga_capture_options saga_encode_capture_options(saga_encode_session *s);
+/* Returns the same options for pictures by which cameras are checked: those of
+ * a subject are whole. */
+saga_capture_options saga_encode_uncut_options(saga_encode_session *s);
 
 /* Returns the first frame of a segment, counted in the whole capture. */
 int saga_encode_begin(const saga_encode_session *s, int segment);

@@ -81,6 +81,8 @@ typedef struct saga_capture_options {
     bool alpha_masks;       /* pixels of alpha below 128 do not count */
     bool subject;           /* masks or alpha are the opacity of a subject, and
                              * everything else becomes transparent */
+    bool uncut;             /* ignore all masks, and the opacity that would be
+                             * one */
     bool keyed;             /* the subject is what has not the colour of */
     uint8_t key[3];         /* this screen, R, G, B, whatever masks say */
     double box[6];          /* of the subject: as saga_capture.box */
