@@ -13,8 +13,12 @@
 
 /* The background is looked for in this number of pixels, of at most this number
  * of pictures: a film has thousands, and each that is touched is decoded and
- * written to the scratch file. */
+ * written to the scratch file. With a megapixel, this number takes 1 GB. */
 enum { MIN_SIDE = 8, N_LOOKED_AT = 100000, MOST_LOOKED_AT = 256 };
+
+/* Films of at most this number of frames are looked at in all frames. Moments
+ * of ten seconds are then 0.3 seconds apart. */
+enum { LEAST_MOMENTS = 32 };
 
 /* Rows of the truth in one task, and nanoseconds for a sample. */
 enum { ROWS = 8 };
@@ -227,6 +231,30 @@ void saga_pictures_set_behind(saga_sample *sample, const saga_pictures *p,
 
     for (size_t k = 0; p->capture->subject && k < 3; k++)
         sample->behind[k] = (uint8_t)saga_rng_below(r, 3 * draw + k, 256);
+}
+
+int saga_pictures_n_moments(const saga_pictures *p)
+{
+    const int n = p->capture->n_frames, few = MOST_LOOKED_AT / p->n_train;
+    const int most = few > LEAST_MOMENTS ? few : LEAST_MOMENTS;
+
+    return n < most ? n : most;
+}
+
+int saga_pictures_moment(const saga_pictures *p, int k)
+{
+    const int m = saga_pictures_n_moments(p);
+
+    /* The middles of m equal parts. */
+    return (int)((2 * (int64_t)k + 1) * p->capture->n_frames / (2 * m));
+}
+
+int saga_pictures_moment_of(const saga_pictures *p, int frame)
+{
+    const int64_t m = saga_pictures_n_moments(p), n = p->capture->n_frames;
+
+    /* The middle of the frame decides. */
+    return saga_pictures_moment(p, (int)((2 * frame + 1) * m / (2 * n)));
 }
 
 double saga_pictures_pixels(const saga_pictures *p)

@@ -80,6 +80,17 @@ static void compare(saga_exposure_pair *to, const saga_pictures *p,
     }
 }
 
+/* Returns a training picture at random, of the moments alone: a camera has one
+ * exposure, which a few of its pictures tell as well as all. */
+static saga_sample pick(const saga_pictures *p, saga_rng r, uint64_t draw)
+{
+    saga_sample s = saga_pictures_pick(p, r, draw);
+
+    s.frame = saga_capture_near(p->capture, s.view,
+                                saga_pictures_moment_of(p, s.frame));
+    return s;
+}
+
 static void compare_part(void *user, size_t part)
 {
     const job *const j = user;
@@ -91,7 +102,7 @@ static void compare_part(void *user, size_t part)
          * looks at other pixels. The result does not depend on the number of
          * threads. */
         const uint64_t k = 3 * ((uint64_t)j->pass * N_PIXELS + i);
-        const saga_sample s = saga_pictures_pick(j->pictures, r, k);
+        const saga_sample s = pick(j->pictures, r, k);
         const saga_source_view *const v = j->pictures->capture->views + s.view;
         const double at[2] = { saga_rng_double(r, k + 1) * v->width,
                                saga_rng_double(r, k + 2) * v->height };

@@ -59,11 +59,14 @@ static draw any_pixel(const saga_flat *f, uint64_t counter)
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
     const saga_source_view *const v = p->capture->views + view;
 
+    const int frame = (int)saga_rng_below(r, c + 1,
+                                          (uint32_t)p->capture->n_frames);
+
     /* A draw depends only on its number, so borrow_part, later, draws the same
-     * pixel again. */
+     * pixel again. What comes and goes between moments is left to growth. */
     return (draw){
         .view = view,
-        .frame = (int)saga_rng_below(r, c + 1, (uint32_t)p->capture->n_frames),
+        .frame = saga_pictures_moment_of(p, frame),
         .uv = { PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH),
                 PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH) },
         .chance = saga_rng_double(r, c + 4)

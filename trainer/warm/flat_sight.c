@@ -21,32 +21,59 @@ enum {
 
 /* --- Over time ----------------------------------------------------------- */
 
-/* Tells whether any of n witnesses (the views view[]) still sees at frame g, at
- * its pixel uv[], what it saw in the patch then[]. */
-static bool unchanged(const saga_flat *f, const saga_patch *then,
-                      const int *view, double (*uv)[2], int n, int g)
+/* Views that see a place at the same moment, and their patches there. */
+typedef struct witnesses {
+    const saga_pictures *pictures;
+    int n, view[N_WITNESSES];
+    double uv[N_WITNESSES][2];
+    saga_patch then[N_WITNESSES];
+} witnesses;
+
+/* Tells whether any witness sees at frame g what it saw then. */
+static bool unchanged(const witnesses *w, int g)
 {
-    for (int k = 0; k < n; k++) {
+    for (int k = 0; k < w->n; k++) {
         saga_patch now;
 
-        if (saga_patch_cut(&now, f->pictures, view[k], g, uv[k][0], uv[k][1]) &&
-            saga_patch_distance(then + k, &now) < STILL)
+        if (saga_patch_cut(&now, w->pictures, w->view[k], g, w->uv[k][0],
+                           w->uv[k][1]) &&
+            saga_patch_distance(w->then + k, &now) < STILL)
             return true;
     }
     return false;
 }
 
+/* Returns the frame at which the place begins (step -1) or ends (step 1) to
+ * look as at a frame: halfway between the last moment that is unchanged and the
+ * next one. */
+static double edge(const witnesses *w, int frame, int step)
+{
+    const int n = saga_pictures_n_moments(w->pictures);
+    int last = frame;
+
+    for (int k = step < 0 ? n - 1 : 0; k >= 0 && k < n; k += step) {
+        const int g = saga_pictures_moment(w->pictures, k);
+
+        if ((g - frame) * step <= 0)
+            continue;
+        if (!unchanged(w, g))
+            return (last + g) / 2.0;
+        last = g;
+    }
+    return step < 0 ? -0.5 : w->pictures->capture->n_frames - 0.5;
+}
+
 /* Finds the longest interval without change around a frame, and sets the
- * temporal attributes accordingly. A place that looks the same in most frames
+ * temporal attributes accordingly. A place that looks the same at most moments
  * stands still; whatever passes in front of it for a while belongs to other
  * primitives. */
-static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
-                  double (*uv)[2], int n, int frame)
+static void watch(saga_flat_sight *s, const saga_flat *f, witnesses *w,
+                  int frame)
 {
     const int n_frames = f->pictures->capture->n_frames;
-    saga_patch then[N_WITNESSES];
-    int same = 0, first = frame, last = frame;
-    double half;
+    const int n_moments = saga_pictures_n_moments(f->pictures);
+    int same = 0;
+    double begin, end, half;
 
     /* These values are for a place that stands still: it is visible throughout
      * the segment. */
@@ -55,24 +82,22 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     s->still = true;
     if (!f->o.temporal || n_frames < 2)
         return;
-    for (int k = 0; k < n; k++)
-        saga_patch_cut(then + k, f->pictures, view[k], frame, uv[k][0],
-                       uv[k][1]);
-    for (int g = 0; g < n_frames; g++)
-        same += unchanged(f, then, view, uv, n, g);
-    if (same >= 0.85 * n_frames)
+    for (int k = 0; k < w->n; k++)
+        saga_patch_cut(w->then + k, f->pictures, w->view[k], frame, w->uv[k][0],
+                       w->uv[k][1]);
+    for (int k = 0; k < n_moments; k++)
+        same += unchanged(w, saga_pictures_moment(f->pictures, k));
+    if (same >= 0.85 * n_moments)
         return;
-    /* Otherwise the place exists from the first to the last frame, around this
-     * one, in which it looks the same. */
-    while (first > 0 && unchanged(f, then, view, uv, n, first - 1))
-        first--;
-    while (last + 1 < n_frames && unchanged(f, then, view, uv, n, last + 1))
-        last++;
+    /* Otherwise the place exists around this frame, as long as it looks the
+     * same. */
+    begin = edge(w, frame, -1);
+    end = edge(w, frame, 1);
     s->still = false;
-    s->t_centre = (real)((first + last + 0.0) / 2 / n_frames);
+    s->t_centre = (real)((begin + end) / 2 / n_frames);
     /* The opacity falls to a half at half the interval, but at least one and a
      * half frames, from its centre. */
-    half = (last - first + 1.0) / 2;
+    half = (end - begin) / 2;
     half = (half < 1.5 ? 1.5 : half) / n_frames;
     /* Opacity falls as exp(-u^2), which is a half at u = 0.83 widths. */
     s->log2_width = (real)log2(half / 0.83);
@@ -82,27 +107,25 @@ static void witness(saga_flat_sight *s, const saga_flat *f,
                     const saga_plane_sweep *w)
 {
     const saga_capture *const c = w->pictures->capture;
-    int view[N_WITNESSES], n = 1;
-    double uv[N_WITNESSES][2];
+    witnesses by = { .pictures = f->pictures, .n = 1, .view = { w->view } };
 
-    view[0] = w->view;
-    uv[0][0] = w->uv[0];
-    uv[0][1] = w->uv[1];
-    for (int k = 0; k < w->n_near && n < N_WITNESSES; k++) {
-        double z;
+    by.uv[0][0] = w->uv[0];
+    by.uv[0][1] = w->uv[1];
+    for (int k = 0; k < w->n_near && by.n < N_WITNESSES; k++) {
+        double *const uv = by.uv[by.n], z;
         saga_patch p;
 
         /* Witnesses are the pixel's own view, and near views that see the same
          * at this moment. An entry for a view that does not is overwritten by
          * the next one. */
-        view[n] = w->near[k];
-        if (saga_view_project(c->views + view[n], s->position, uv[n], &z) &&
-            saga_patch_cut(&p, w->pictures, view[n], w->frame, uv[n][0],
-                           uv[n][1]) &&
+        by.view[by.n] = w->near[k];
+        if (saga_view_project(c->views + w->near[k], s->position, uv, &z) &&
+            saga_patch_cut(&p, w->pictures, w->near[k], w->frame, uv[0],
+                           uv[1]) &&
             saga_patch_distance(&w->own, &p) < SAGA_GOOD_MATCH)
-            n++;
+            by.n++;
     }
-    watch(s, f, view, uv, n, w->frame);
+    watch(s, f, &by, w->frame);
 }
 
 /* --- Sights -------------------------------------------------------------- */
@@ -148,21 +171,22 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
                              saga_flat_sight *s)
 {
     const saga_capture *const c = f->pictures->capture;
-    int view[N_WITNESSES], n = 0;
-    double uv[N_WITNESSES][2], depth = INFINITY;
+    witnesses w = { .pictures = f->pictures };
+    double depth = INFINITY;
 
     memset(s, 0, sizeof *s);
     for (int k = 0; k < 3; k++) {
         s->position[k] = p->position[k];
         s->rgb[k] = R(p->rgb[k]) / 255;
     }
-    for (int k = 0; k < f->pictures->n_train && n < N_WITNESSES; k++) {
-        double z, d = 0;
+    for (int k = 0; k < f->pictures->n_train && w.n < N_WITNESSES; k++) {
+        const int view = f->pictures->train[k];
+        double *const uv = w.uv[w.n], z, d = 0;
         saga_patch q;
 
-        view[n] = f->pictures->train[k];
-        if (!saga_view_project(c->views + view[n], s->position, uv[n], &z) ||
-            !saga_patch_cut(&q, f->pictures, view[n], 0, uv[n][0], uv[n][1]))
+        w.view[w.n] = view;
+        if (!saga_view_project(c->views + view, s->position, uv, &z) ||
+            !saga_patch_cut(&q, f->pictures, view, 0, uv[0], uv[1]))
             continue;
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -
@@ -172,15 +196,15 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
          * footprint. */
         if (z < depth) {
             depth = z;
-            s->footprint = z / c->views[view[n]].fx;
+            s->footprint = z / c->views[view].fx;
         }
         /* Only views in which the point's own colour shows are witnesses; in
          * the others something hides it. */
-        n += d < 0.15;
+        w.n += d < 0.15;
     }
     s->depth = depth;
-    if (n == 0)
+    if (w.n == 0)
         return false;
-    watch(s, f, view, uv, n, 0);
+    watch(s, f, &w, 0);
     return true;
 }
