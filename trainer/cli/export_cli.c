@@ -209,7 +209,21 @@ static bool write_frame(session *s)
     return ok;
 }
 
+static bool write_splats(session *s)
+{
+    if (!(saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
+        return false;
+    note_colours(s);
+    print_beyond(s);
+    return true;
+}
+
 /* --- A page -------------------------------------------------------------- */
+
+static bool is_page(const options *o)
+{
+    return saga_has_suffix(o->out, ".html");
+}
 
 static bool write_page(session *s)
 {
@@ -219,18 +233,7 @@ static bool write_page(session *s)
     return true;
 }
 
-static bool is_page(const options *o)
-{
-    return saga_has_suffix(o->out, ".html");
-}
-
 /* --- Either -------------------------------------------------------------- */
-
-static void print_limits(const session *s)
-{
-    note_colours(s);
-    print_beyond(s);
-}
 
 /* Finds the camera whose colours are wanted. */
 static bool find_camera(session *s)
@@ -249,14 +252,9 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
 {
     int status = SAGA_EXIT_OK;
 
-    if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
-                       &s->error) &&
-        find_camera(s) &&
-        (is_page(s->o)                 ? write_page(s)
-         : saga_is_numbered(s->o->out) ? write_sequence(s)
-                                       : write_frame(s)))
-        print_limits(s);
-    else
+    if (!saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
+                        &s->error) ||
+        !find_camera(s) || !(is_page(s->o) ? write_page(s) : write_splats(s)))
         status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
     if (status)
         saga_cli_error(status, "export: %s", s->error.message);
