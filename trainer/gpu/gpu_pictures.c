@@ -6,7 +6,6 @@
 #include "gpu_state.h"
 
 #include "alloc.h"
-#include "novel.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -94,8 +93,8 @@ static bool take_slot(uint32_t *slot, saga_gpu_canvas *g, saga_error *error)
     return true;
 }
 
-static bool show_stored(saga_gpu_canvas *g, saga_sample sample,
-                        saga_error *error)
+bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_sample sample,
+                          saga_error *error)
 {
     const saga_capture *const c = g->pictures->capture;
     const size_t picture = (size_t)sample.view * (size_t)c->n_frames +
@@ -122,52 +121,12 @@ static bool show_stored(saga_gpu_canvas *g, saga_sample sample,
     return true;
 }
 
-static bool draw_there(void *user, saga_canvas *c, const saga_splat_params *p,
-                       uint32_t n, saga_error *error)
-{
-    return saga_gpu_draw(user, c, p, n, error);
-}
-
-/* Has the teachers' mean picture as the truth of the host's canvas. They are
- * drawn by a canvas of their own, since the warm-up's primitives stay on g. */
-static bool show_novel(saga_gpu_canvas *g, saga_canvas *canvas,
-                       saga_sample sample, saga_error *error)
-{
-    if (!g->teachers)
-        g->teachers = saga_gpu_canvas_new(g->gpu, g->pictures, error);
-    saga_pictures_aim(canvas, g->pictures, sample);
-    return g->teachers && saga_novel_mean(canvas, g->pictures->novel,
-                                          draw_there, g->teachers, error);
-}
-
-/* Sends the truth of the host's canvas. */
-static void send_truth(saga_gpu_canvas *g, const saga_canvas *c)
+void saga_gpu_send_truth(saga_gpu_canvas *g, const saga_canvas *c)
 {
     g->is_stored = g->is_new = false;
     memcpy(g->up_picture.map, c->truth,
            3 * (size_t)c->camera.width * (size_t)c->camera.height *
                sizeof *c->truth);
-}
-
-bool saga_gpu_show(saga_gpu_canvas *g, saga_canvas *canvas, saga_sample sample,
-                   saga_error *error)
-{
-    const saga_pictures *const p = g->pictures;
-
-    if (saga_novel_is(p, sample)) {
-        if (!show_novel(g, canvas, sample, error))
-            return false;
-    } else if (saga_capture_mask(p->capture, sample.view, sample.frame)) {
-        /* The host makes pictures with masks. */
-        if (!saga_novel_show(canvas, p, sample, error))
-            return false;
-    } else {
-        saga_pictures_aim(canvas, p, sample);
-        canvas->n_unseen = 0;
-        return show_stored(g, sample, error);
-    }
-    send_truth(g, canvas);
-    return true;
 }
 
 void saga_gpu_record_truth(saga_gpu_canvas *g)

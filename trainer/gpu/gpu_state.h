@@ -86,10 +86,14 @@ void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
 void saga_gpu_do(saga_gpu_canvas *g, int kernel, size_t n_groups,
                  const int *buffers);
 
-/* gpu_pictures.c: makes the cache; and records the commands that set GPU_TRUTH.
- */
+/* gpu_pictures.c: makes the cache; has a stored picture, or the truth of the
+ * host's canvas, as the truth of the next pass; and records the commands that
+ * set GPU_TRUTH. */
 bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error);
 void saga_gpu_end_pictures(saga_gpu_canvas *g);
+bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_sample sample,
+                          saga_error *error);
+void saga_gpu_send_truth(saga_gpu_canvas *g, const saga_canvas *canvas);
 void saga_gpu_record_truth(saga_gpu_canvas *g);
 
 /* gpu_splat.c, for gpu_flat.c. */
