@@ -65,13 +65,13 @@ for c in $(sed -n 's/^  \([a-z][a-z]*\)  .*/\1/p' "$tmp/out"); do
         "$tmp/out" >>"$tmp/bad"
 done
 grep -q . "$tmp/help" || complain "--help lists no command"
-# The help of encode has the 23 options that people use, and with --all each.
+# The help of encode has the 25 options that people use, and with --all each.
 expect 0 help encode
-[ "$(grep -c '^  -' "$tmp/out")" = 23 ] &&
-    tail -n 1 "$tmp/out" | grep -q '^`saga help encode --all` lists 17 more' &&
+[ "$(grep -c '^  -' "$tmp/out")" = 25 ] &&
+    tail -n 1 "$tmp/out" | grep -q '^`saga help encode --all` lists 18 more' &&
     ! grep -q '^  --ablate' "$tmp/out" || complain "help encode: $(cat "$tmp/out")"
 expect 0 help encode --all
-[ "$(grep -c '^  -' "$tmp/out")" = 40 ] && grep -q '^  --ablate' "$tmp/out" ||
+[ "$(grep -c '^  -' "$tmp/out")" = 43 ] && grep -q '^  --ablate' "$tmp/out" ||
     complain "help encode --all: $(cat "$tmp/out")"
 # The README's table of layouts must have what the help has from the loaders.
 "$saga" help check | awk '

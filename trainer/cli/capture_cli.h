@@ -69,18 +69,18 @@ typedef struct saga_capture_choice {
           0 },                                                               \
         { "--subject",                                                       \
           NULL,                                                              \
-          "keep only what the masks, or else the pictures' "                 \
-          "alpha, show,\nand make everything else transparent; masks may "   \
-          "have\nvalues between black and white",                            \
+          "keep only what the masks, or else the pictures' alpha,\n"         \
+          "show, and make everything else transparent; masks may\n"          \
+          "have values between black and white",                             \
           saga_cli_flag,                                                     \
           offsetof(type, member.subject),                                    \
           0,                                                                 \
           0 },                                                               \
         { "--key",                                                           \
           "RRGGBB",                                                          \
-          "as --subject, but keep what has not the colour of a "             \
-          "green or\nblue screen, as two hex digits for red, green and "     \
-          "blue",                                                            \
+          "as --subject, but keep what has not the colour of a\n"            \
+          "green or blue screen, as two hex digits for red, green\n"         \
+          "and blue",                                                        \
           saga_cli_colour,                                                   \
           offsetof(type, member.key),                                        \
           0,                                                                 \
