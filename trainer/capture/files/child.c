@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-#define _GNU_SOURCE /* F_SETPIPE_SZ, where there is one */
 #include "child.h"
 
 #include "error.h"
@@ -70,12 +69,6 @@ static int start_locked(saga_child *child, const char *const *argv, bool fed)
         return errno;
     (void)fcntl(ends[0], F_SETFD, FD_CLOEXEC);
     (void)fcntl(ends[1], F_SETFD, FD_CLOEXEC);
-#ifdef F_SETPIPE_SZ
-    /* A picture has megabytes, and 64 KiB would wake both processes a hundred
-     * times for each. Where the system allows no more, that does. */
-    if (!fed)
-        (void)fcntl(ends[0], F_SETPIPE_SZ, 1 << 20);
-#endif
     const int r = spawn(child, argv, ends[1], fed);
     /* The child has its own copy. An open copy here would keep the stream from
      * ending with the child. */
