@@ -24,7 +24,8 @@ ROWS = {
     "liblzma": "liblzma", "libdeflate": "libdeflate", "libLerc": "LERC",
     "libjbig": "JBIG-KIT", "libstdc++": "libgcc",
     "libz": "zlib", "libgomp": "libgomp", "libgcc_s": "libgcc", "libm": "glibc",
-    "libc": "glibc", "ld-linux-x86-64": "glibc", "ld-linux-aarch64": "glibc",
+    "libc": "glibc", "libpthread": "glibc", "ld-linux-x86-64": "glibc",
+    "ld-linux-aarch64": "glibc",
 }
 
 

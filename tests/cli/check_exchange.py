@@ -461,7 +461,8 @@ def suffixes():
 def check_outputs(tmp):
     """Checks the names and places of exported files."""
     out, folder = tmp + "/none", tmp + "/ply"
-    known = ", ".join(suffixes())
+    *splats, page = suffixes()
+    known = ", ".join(splats) + ", or %s for a page" % page
     if ".ply, " not in known:
         complain("help tells of the formats", known)
     for options, status, says in (

@@ -27,7 +27,7 @@ import tempfile
 import wave
 
 sys.dont_write_bytecode = True
-from verdict import BUILD, SAGA, WEB, Verdicts, read
+from verdict import SAGA, WEB, Verdicts, read
 import browser  # noqa: E402  (verdict knows where)
 
 GOOD = "vectors/good/"
@@ -212,7 +212,8 @@ def check_button(tab, tmp):
 
 def check_notebook(tab, tmp):
     sys.path.insert(0, "ports/python")
-    os.environ["SAGA_LIBRARY"] = BUILD + "/libsaga.so.0"
+    os.environ["SAGA_LIBRARY"] = os.path.join(os.path.dirname(SAGA),
+                                              "libsaga.so.0")
     import saga
     os.environ["SAGA"] = SAGA
     with saga.open(DEMO) as film:
