@@ -165,10 +165,24 @@ static void tame_threads(char **argv)
 #endif
 }
 
+/* Makes the stack as deep as the program needs it (block_adam.c takes 416 kB).
+ * If it grew only when memory is used up, the system would end the program
+ * before it could say so. */
+static void deepen_stack(void)
+{
+    enum { NBYTES = 512 << 10, PAGE = 4096 };
+    volatile char deep[NBYTES];
+
+    for (size_t i = NBYTES; i >= PAGE; i -= PAGE)
+        deep[i - PAGE] = 0;
+    (void)deep[0];
+}
+
 int main(int argc, char **argv)
 {
     saga_error error = { "" };
 
+    deepen_stack();
     tame_threads(argv);
     if (!saga_isa_check(&error))
         return saga_cli_error(SAGA_EXIT_USAGE, "%s", error.message);
