@@ -145,8 +145,8 @@ TEST(memory_should_be_that_measured)
     }
 }
 
-/* What a plan needs at least is known before pictures are read: of pixels of
- * which none changes, one primitive for 120, or what was given. */
+/* The least number of primitives is known before pictures are read: one for 120
+ * pixels, as if none changed, or the number that was given. */
 TEST(least_number_should_be_that_of_a_scene_at_rest)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");

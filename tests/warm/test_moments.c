@@ -98,7 +98,7 @@ TEST(few_pictures_should_be_read_before_training)
     for (int v = 0; v < VIEWS; v++)
         assert_true(c.views[v].held_out == (touched(&film, v) == 0));
     saga_flat_free(f);
-    /* What few pictures tell of the exposures must be right. */
+    /* Exposures that were found from few pictures must be right. */
     for (int i = 1; i < p.n_train; i++) {
         const int a = p.train[i], b = p.train[0];
 

@@ -47,6 +47,12 @@ char *saga_path_folder(const char *path, saga_error *error)
     return folder;
 }
 
+const char *saga_path_base(const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
 bool saga_path_is_file(const char *path)
 {
     struct stat st;

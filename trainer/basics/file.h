@@ -20,6 +20,8 @@ char *saga_string_copy(const char *s, saga_error *error);
 /* Returns the folder of a file, "." if its path has none. The caller frees
  * it. */
 char *saga_path_folder(const char *path, saga_error *error);
+/* Returns the part of a path after its last slash. */
+const char *saga_path_base(const char *path);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
 /* Tells whether the folder has a regular file with this name. */

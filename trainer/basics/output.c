@@ -125,8 +125,7 @@ static bool is_held(const char *part)
  * true if another part is locked. */
 static bool sweep(const char *path, const char *own)
 {
-    const char *const slash = strrchr(path, '/');
-    const char *const base = slash ? slash + 1 : path;
+    const char *const base = saga_path_base(path);
     const int n = (int)(base - path);
     char folder[PATH_MAX], part[PATH_MAX];
     bool held = false;

@@ -257,8 +257,7 @@ static bool write_all(const writer *w, const char *path)
     if (!points)
         return false;
     (void)snprintf(points, nbytes, "%s.ply", path);
-    const char *const slash = strrchr(points, '/');
-    const char *const name = slash ? slash + 1 : points;
+    const char *const name = saga_path_base(points);
     const bool any = l->n_points > 0 && !mirrored;
     if (l->n_points > 0 && mirrored)
         fputs("check: the points are left out, because they lie in the "

@@ -119,7 +119,8 @@ saga_capture_options saga_encode_uncut_options(saga_encode_session *s)
 {
     saga_capture_options c = saga_encode_capture_options(s);
 
-    /* What is behind a subject tells more of the cameras than the subject. */
+    /* Cameras are found by the whole picture, of which a subject is a small
+     * part. */
     c.uncut = c.subject;
     c.subject = c.keyed = false;
     c.alpha_masks = c.alpha_masks && !c.uncut;

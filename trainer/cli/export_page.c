@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "base64.h"
+#include "file.h"
 #include "json_cli.h"
 #include "orbit.h"
 #include "output.h"
@@ -28,19 +29,10 @@ static const char *const places[] = { "id=\"carried\">",
                                       "id=\"film\">" };
 enum { N_PLACES = sizeof places / sizeof places[0] };
 
-static const saga_view_file *find_page(void)
-{
-    for (int i = 0; i < saga_n_view_files; i++)
-        if (!strcmp(saga_view_files[i].name, "whole.html"))
-            return &saga_view_files[i];
-    return NULL;
-}
-
 /* Returns what the page is told about the film, its name, as JSON. */
 static char *carried_json(const saga_film *film, saga_error *error)
 {
-    const char *const slash = strrchr(film->name, '/');
-    const char *const name = slash ? slash + 1 : film->name;
+    const char *const name = saga_path_base(film->name);
     char shown[3 * NAME_MAX + 1];
     json_t *json;
     char *text;
@@ -90,13 +82,10 @@ static void put_page(FILE *f, const saga_view_file *page, char *const *texts)
     const char *const end = at + page->nbytes;
 
     for (int i = 0; i < N_PLACES; i++) {
-        const size_t n = strlen(places[i]);
         const char *const start = at;
 
         /* tools/whole.sh writes all places, which a test checks. */
-        while (memcmp(at, places[i], n) != 0)
-            at++;
-        at += n;
+        at = saga_view_text_find(at, places[i]) + strlen(places[i]);
         fwrite(start, 1, (size_t)(at - start), f);
         saga_cli_embed_json(f, texts[i]); /* the others have no "<" */
     }
@@ -106,11 +95,13 @@ static void put_page(FILE *f, const saga_view_file *page, char *const *texts)
 bool saga_page_write(const char *path, saga_film *film, bool *unwritten,
                      saga_error *error)
 {
-    const saga_view_file *const page = find_page();
+    const saga_view_file *const page = saga_view_file_find("whole.html");
     char *texts[N_PLACES] = { NULL };
     saga_output out = { 0 };
     bool ok;
 
+    /* What cannot be a page is refused; then come the texts, and the file,
+     * which appears whole or not at all. */
     *unwritten = false;
     if (!page)
         return saga_fail(error, path,

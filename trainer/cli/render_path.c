@@ -381,8 +381,7 @@ static bool read_beside(saga_path *path, const char *name, size_t n,
 
 bool saga_path_read(saga_path *path, const char *name, saga_error *error)
 {
-    const char *const slash = strrchr(name, '/');
-    const char *const base = slash ? slash + 1 : name;
+    const char *const base = saga_path_base(name);
     bool ok;
 
     *path = (saga_path){ 0 };

@@ -128,6 +128,7 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
                               kind->words,
                               sound->file ? with_sound : silent };
 
+    /* ffmpeg writes under the temporary name; the film appears when it ends. */
     if (!saga_output_open(&w->out, path, error))
         return false;
     write_words(&say, plan, w->out.temporary ? w->out.temporary : w->out.path);

@@ -39,9 +39,7 @@ static const char marker[] = "id=\"data\">null<";
 /* Names a series by its file, without folder and .json. */
 static void name_series(char name[SERIES_NBYTES], const char *path)
 {
-    const char *const slash = strrchr(path, '/');
-
-    snprintf(name, SERIES_NBYTES, "%s", slash ? slash + 1 : path);
+    snprintf(name, SERIES_NBYTES, "%s", saga_path_base(path));
     if (saga_has_suffix(name, ".json"))
         name[strlen(name) - 5] = '\0';
 }
@@ -192,12 +190,8 @@ static void put_page(FILE *f, const char *json)
 {
     const saga_view_file *const page = &saga_report_files[0];
     const char *const text = (const char *)page->bytes;
-    const char *at = text;
+    const char *at = saga_view_text_find(text, marker) + strlen("id=\"data\">");
 
-    /* The page is compiled in and has the marker, so the loop ends. */
-    while (strncmp(at, marker, sizeof marker - 1) != 0)
-        at++;
-    at += strlen("id=\"data\">");
     fwrite(text, 1, (size_t)(at - text), f);
     saga_cli_embed_json(f, json);
     at += strlen("null");

@@ -82,8 +82,7 @@ static char *path_of(const char *name, saga_error *error)
 {
     static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
                                 "UVWXYZ0123456789.-_";
-    const char *const slash = strrchr(name, '/');
-    const char *p = slash ? slash + 1 : name;
+    const char *p = saga_path_base(name);
     /* "film/" and its NUL take 6 bytes, each character at most three. */
     const size_t nbytes = 6 + 3 * strlen(p);
     char *const path = saga_alloc(nbytes, 1, name, error);
@@ -182,24 +181,15 @@ static const char *type_of(const char *name)
     return "application/octet-stream";
 }
 
-static const saga_view_file *find_file(const char *name)
-{
-    for (int i = 0; i < saga_n_view_files; i++)
-        if (!strcmp(saga_view_files[i].name, name))
-            return &saga_view_files[i];
-    return NULL;
-}
-
 /* Makes index.html with `text` instead of the placeholder. */
 static bool fill_in(session *s, const char *text)
 {
-    const saga_view_file *const page = find_file("index.html");
+    const saga_view_file *const page = saga_view_file_find("index.html");
     const size_t n = strlen(text), gap = sizeof placeholder - 1;
     const char *const start = (const char *)page->bytes;
-    size_t at = 0;
+    /* The tests check that the placeholder exists. */
+    const size_t at = (size_t)(saga_view_text_find(start, placeholder) - start);
 
-    while (memcmp(start + at, placeholder, gap) != 0)
-        at++; /* the tests check that the placeholder exists */
     s->index = saga_alloc(page->nbytes + n, 1, "index.html", &s->error);
     if (!s->index)
         return false;
@@ -311,7 +301,7 @@ static int view(session *s, const options *o, const char *name)
     char *text;
     int status = SAGA_EXIT_DATA;
 
-    if (!find_file("saga.wasm"))
+    if (!saga_view_file_find("saga.wasm"))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "view: this program was built "
                               "without the decoder for browsers; install clang "

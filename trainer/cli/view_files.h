@@ -10,6 +10,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 typedef struct saga_view_file {
     const char *name; /* file name without a folder */
@@ -22,5 +23,23 @@ extern const int saga_n_view_files;
 
 extern const saga_view_file saga_report_files[];
 extern const int saga_n_report_files;
+
+/* Returns the file of ports/web with this name; NULL if the build lacks it. */
+static inline const saga_view_file *saga_view_file_find(const char *name)
+{
+    for (int i = 0; i < saga_n_view_files; i++)
+        if (strcmp(saga_view_files[i].name, name) == 0)
+            return &saga_view_files[i];
+    return NULL;
+}
+
+/* Returns where a text is in a page from `at` on. The page must have it: pages
+ * are compiled in. */
+static inline const char *saga_view_text_find(const char *at, const char *text)
+{
+    while (memcmp(at, text, strlen(text)) != 0)
+        at++;
+    return at;
+}
 
 #endif

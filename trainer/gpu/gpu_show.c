@@ -16,12 +16,11 @@ static bool draw_there(void *user, saga_canvas *c, const saga_splat_params *p,
 
 /* Has the teachers' mean picture as the truth of the host's canvas. They are
  * drawn by a canvas of their own, since the warm-up's primitives stay on g. */
-static bool show_novel(saga_gpu_canvas *g, saga_canvas *canvas,
-                       saga_sample sample, saga_error *error)
+static bool draw_teachers(saga_gpu_canvas *g, saga_canvas *canvas,
+                          saga_error *error)
 {
     if (!g->teachers)
         g->teachers = saga_gpu_canvas_new(g->gpu, g->pictures, error);
-    saga_pictures_aim(canvas, g->pictures, sample);
     return g->teachers && saga_novel_mean(canvas, g->pictures->novel,
                                           draw_there, g->teachers, error);
 }
@@ -31,15 +30,14 @@ bool saga_gpu_show(saga_gpu_canvas *g, saga_canvas *canvas, saga_sample sample,
 {
     const saga_pictures *const p = g->pictures;
 
+    saga_pictures_aim(canvas, p, sample);
     if (saga_novel_is(p, sample)) {
-        if (!show_novel(g, canvas, sample, error))
+        if (!draw_teachers(g, canvas, error))
             return false;
     } else if (saga_capture_mask(p->capture, sample.view, sample.frame)) {
         /* The host makes pictures with masks. */
-        if (!saga_novel_show(canvas, p, sample, error))
-            return false;
+        saga_pictures_truth(canvas, p, sample);
     } else {
-        saga_pictures_aim(canvas, p, sample);
         canvas->n_unseen = 0;
         return saga_gpu_show_stored(g, sample, error);
     }

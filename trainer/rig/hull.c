@@ -137,6 +137,7 @@ static bool shrink(double lo[3], double hi[3], uint16_t *seeing,
     double b[3] = { -INFINITY, -INFINITY, -INFINITY };
     int most = 0;
 
+    /* The ball around a voxel reaches its corners. */
     for (int k = 0; k < 3; k++)
         side[k] = (hi[k] - lo[k]) / GRID;
     for (int i = 0; i < N_VOXELS; i++) {
@@ -170,6 +171,8 @@ bool saga_hull_box(double lo[3], double hi[3], const saga_capture *c,
     bool ok = all && seeing, found = true;
     double margin = 0;
 
+    /* Outlines of the training views; passes over ever smaller boxes; margin.
+     */
     for (int v = 0; ok && v < c->n_views; v++)
         if (!c->views[v].held_out && c->views[v].n_missing < c->n_frames)
             ok = make_outline(&all[v], c, v, error);

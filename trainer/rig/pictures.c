@@ -11,10 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The background is looked for in this number of pixels, of at most this number
- * of pictures: a film has thousands, and each that is touched is decoded and
- * written to the scratch file. With a megapixel, this number takes 1 GB. */
-enum { MIN_SIDE = 8, N_LOOKED_AT = 100000, MOST_LOOKED_AT = 256 };
+/* The background is looked for in N_LOOKED_AT pixels, of SAGA_MOST_LOOKED_AT
+ * pictures at most: a film has thousands, and each that is touched is decoded
+ * and written to the scratch file. */
+enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
 
 /* Films of at most this number of frames are looked at in all frames. Moments
  * of ten seconds are then 0.3 seconds apart. */
@@ -90,7 +90,7 @@ static int compare_colours(const void *a, const void *b)
 static void read_colours(uint32_t *colour, const saga_pictures *p)
 {
     const size_t n = (size_t)p->n_there;
-    const size_t few = n < MOST_LOOKED_AT ? n : MOST_LOOKED_AT;
+    const size_t few = n < SAGA_MOST_LOOKED_AT ? n : SAGA_MOST_LOOKED_AT;
 
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
         const size_t at = i * few / N_LOOKED_AT * n / few;
@@ -115,17 +115,15 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
 
 /* Sets the background to the most frequent colour if it is frequent enough, as
  * for an object in front of a screen. Pictures of rooms or landscapes have no
- * such colour, and get black, over which a subject already is. */
+ * such colour, and get black. */
 static bool find_background(saga_pictures *p, saga_error *error)
 {
     uint32_t *const colour = saga_alloc(N_LOOKED_AT, sizeof *colour,
                                         "the pictures' colours", error);
     size_t most = (size_t)(BACKGROUND_PART * N_LOOKED_AT), run = 0;
 
-    if (p->capture->subject || !colour) {
-        free(colour);
-        return p->capture->subject;
-    }
+    if (!colour)
+        return false;
     read_colours(colour, p);
     qsort(colour, N_LOOKED_AT, sizeof *colour, compare_colours);
     /* After sorting, equal colours form a run; the longest run above the
@@ -155,7 +153,9 @@ bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
     for (size_t i = 0; p->exposure && i < 3 * n; i++)
         p->exposure[i] = 1;
     if (p->range && p->train && p->exposure && find_views(p, error) &&
-        find_pictures(p, error) && find_background(p, error) &&
+        find_pictures(p, error) &&
+        /* A subject is over black already. */
+        (capture->subject || find_background(p, error)) &&
         saga_cube_fit(&p->cube, p->range, capture, error))
         return true;
     saga_pictures_free(p);
@@ -235,7 +235,7 @@ void saga_pictures_set_behind(saga_sample *sample, const saga_pictures *p,
 
 int saga_pictures_n_moments(const saga_pictures *p)
 {
-    const int n = p->capture->n_frames, few = MOST_LOOKED_AT / p->n_train;
+    const int n = p->capture->n_frames, few = SAGA_MOST_LOOKED_AT / p->n_train;
     const int most = few > LEAST_MOMENTS ? few : LEAST_MOMENTS;
 
     return n < most ? n : most;

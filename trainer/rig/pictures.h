@@ -80,11 +80,15 @@ bool saga_pictures_restore(saga_pictures *pictures, saga_capture *capture,
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 
+/* Most training pictures that are read to find out something about the whole
+ * film. With a megapixel they take 1 GB. */
+enum { SAGA_MOST_LOOKED_AT = 256 };
+
 /* Moments are frames, spread evenly, that are looked at to find out something
  * about the whole film, such as whether a place stands still: a film may be
  * larger than memory, and each picture that is touched is read from the disk.
- * There are at most as many as have 256 training pictures together, but at
- * least 32 if there are as many frames. */
+ * There are at most as many as have SAGA_MOST_LOOKED_AT training pictures
+ * together, but at least 32 if there are as many frames. */
 int saga_pictures_n_moments(const saga_pictures *pictures);
 /* Returns the frame of moment k. */
 int saga_pictures_moment(const saga_pictures *pictures, int k);

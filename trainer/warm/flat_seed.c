@@ -58,7 +58,6 @@ static draw any_pixel(const saga_flat *f, uint64_t counter)
     const uint64_t c = counter * 5;
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
     const saga_source_view *const v = p->capture->views + view;
-
     const int frame = (int)saga_rng_below(r, c + 1,
                                           (uint32_t)p->capture->n_frames);
 

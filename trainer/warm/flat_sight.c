@@ -44,23 +44,24 @@ static bool unchanged(const witnesses *w, int g)
 }
 
 /* Returns the frame at which the place begins (step -1) or ends (step 1) to
- * look as at a frame: halfway between the last moment that is unchanged and the
+ * look as at a frame: halfway between the last moment that is the same and the
  * next one. */
-static double edge(const witnesses *w, int frame, int step)
+static double edge(const bool *same, const saga_pictures *p, int frame,
+                   int step)
 {
-    const int n = saga_pictures_n_moments(w->pictures);
+    const int n = saga_pictures_n_moments(p);
     int last = frame;
 
     for (int k = step < 0 ? n - 1 : 0; k >= 0 && k < n; k += step) {
-        const int g = saga_pictures_moment(w->pictures, k);
+        const int g = saga_pictures_moment(p, k);
 
         if ((g - frame) * step <= 0)
             continue;
-        if (!unchanged(w, g))
+        if (!same[k])
             return (last + g) / 2.0;
         last = g;
     }
-    return step < 0 ? -0.5 : w->pictures->capture->n_frames - 0.5;
+    return step < 0 ? -0.5 : p->capture->n_frames - 0.5;
 }
 
 /* Finds the longest interval without change around a frame, and sets the
@@ -72,7 +73,8 @@ static void watch(saga_flat_sight *s, const saga_flat *f, witnesses *w,
 {
     const int n_frames = f->pictures->capture->n_frames;
     const int n_moments = saga_pictures_n_moments(f->pictures);
-    int same = 0;
+    bool same[SAGA_MOST_LOOKED_AT];
+    int n_same = 0;
     double begin, end, half;
 
     /* These values are for a place that stands still: it is visible throughout
@@ -85,14 +87,16 @@ static void watch(saga_flat_sight *s, const saga_flat *f, witnesses *w,
     for (int k = 0; k < w->n; k++)
         saga_patch_cut(w->then + k, f->pictures, w->view[k], frame, w->uv[k][0],
                        w->uv[k][1]);
-    for (int k = 0; k < n_moments; k++)
-        same += unchanged(w, saga_pictures_moment(f->pictures, k));
-    if (same >= 0.85 * n_moments)
+    for (int k = 0; k < n_moments; k++) {
+        same[k] = unchanged(w, saga_pictures_moment(f->pictures, k));
+        n_same += same[k];
+    }
+    if (n_same >= 0.85 * n_moments)
         return;
     /* Otherwise the place exists around this frame, as long as it looks the
      * same. */
-    begin = edge(w, frame, -1);
-    end = edge(w, frame, 1);
+    begin = edge(same, f->pictures, frame, -1);
+    end = edge(same, f->pictures, frame, 1);
     s->still = false;
     s->t_centre = (real)((begin + end) / 2 / n_frames);
     /* The opacity falls to a half at half the interval, but at least one and a

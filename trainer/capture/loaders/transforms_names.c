@@ -5,6 +5,7 @@
  */
 #include "transforms.h"
 
+#include "file.h"
 #include "notes.h"
 
 #include <stdio.h>
@@ -16,16 +17,10 @@ static size_t stem_length(const char *base)
     return dot && dot != base ? (size_t)(dot - base) : strlen(base);
 }
 
-static const char *base_of(const char *file)
-{
-    const char *const slash = strrchr(file, '/');
-    return slash ? slash + 1 : file;
-}
-
 /* Sets `name` to the last folder of a path, empty if it has none. */
 static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
 {
-    const char *const base = base_of(file);
+    const char *const base = saga_path_base(file);
     const char *start = base > file ? base - 1 : base;
     const char *const end = start;
     while (start > file && start[-1] != '/')
@@ -36,7 +31,7 @@ static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
 /* Makes the name "train_r_003" from "train/r_003.png". */
 static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
 {
-    const char *const base = base_of(file);
+    const char *const base = saga_path_base(file);
     char folder[SAGA_NAME_NBYTES], both[2 * SAGA_NAME_NBYTES];
     folder_name(file, folder);
     (void)snprintf(both, sizeof both, "%s_%.*s", folder, (int)stem_length(base),
@@ -49,11 +44,11 @@ static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
 static void common_prefix(const saga_entry *e, int n,
                           char name[SAGA_NAME_NBYTES])
 {
-    const char *const base = base_of(e[0].file);
+    const char *const base = saga_path_base(e[0].file);
     size_t len = stem_length(base);
     /* The stem is shortened to what all names begin with. */
     for (int k = 1; k < n; k++) {
-        const char *const other = base_of(e[k].file);
+        const char *const other = saga_path_base(e[k].file);
         size_t i = 0;
         while (i < len && other[i] == base[i])
             i++;
@@ -86,7 +81,7 @@ void saga_transforms_name_views(const saga_transforms *r, int n)
         for (int v = 0; v < r->n_views; v++) {
             const saga_entry *const e = &r->entries[r->view_first[v]];
             char *const name = listing->sources[v].name;
-            const char *const base = base_of(e->file);
+            const char *const base = saga_path_base(e->file);
             if (scheme == 0)
                 folder_name(e->file, name);
             else if (scheme == 1)

@@ -20,9 +20,9 @@ bool saga_load_has_opacity(const saga_load_job *job, const saga_source *s)
 
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s)
 {
-    bool any = saga_load_has_opacity(job, s) || job->options->keyed;
     if (job->options->uncut)
         return false;
+    bool any = saga_load_has_opacity(job, s) || job->options->keyed;
     for (int k = 0; s->masks && !any && k < job->capture->n_frames; k++)
         any = s->masks[job->capture->first_frame + k] != NULL;
     return any;
