@@ -244,6 +244,7 @@ TEST(teachers_should_draw_as_on_the_host)
                                                          500, W, H, 4, 5);
     const saga_sample sample = { .view = w->capture.n_views, .frame = 1 };
     FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
+    FREED_BY(saga_params_free) saga_splat_params moments = scene_alloc(f->n);
     const size_t n = 3 * (size_t)W * H;
     real *const truth = calloc(n, sizeof *truth);
     /* Moments are the values again; the sums do not matter here. */
@@ -257,8 +258,8 @@ TEST(teachers_should_draw_as_on_the_host)
                                .worth = truth },
                        back = { .n = (uint32_t)f->n,
                                 .value = other,
-                                .m = other,
-                                .v = other,
+                                .m = moments,
+                                .v = moments,
                                 .stats = stats,
                                 .worth = truth };
     saga_source_view between = w->capture.views[w->pictures.train[0]];
