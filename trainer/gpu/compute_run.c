@@ -107,6 +107,8 @@ bool saga_gpu_alloc(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
     };
     VkBuffer buffer;
 
+    /* A buffer, then its memory; if either is missing, the reason is told after
+     * both are given back. */
     *b = (saga_gpu_buffer){ .nbytes = (size_t)info.size };
     if (saga_gpu_ok(g, g->vk.vkCreateBuffer(g->device, &info, NULL, &buffer))) {
         b->buffer = (uint64_t)buffer;

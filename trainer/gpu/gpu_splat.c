@@ -303,6 +303,8 @@ bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
         g->most_pairs = LEAST_PAIRS + FIRST_PAIRS * f->n;
     if (!send_backdrop(g, c, error))
         return false;
+    /* What the host sends, the lists, what is wanted, the totals; all of it
+     * once more if there are more pairs than room. */
     for (;;) {
         f->most_pairs = g->most_pairs;
         if (!make_room(g, error))
