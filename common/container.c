@@ -74,6 +74,18 @@ static void network_fields(saga_io *f, saga_model *m, int first, int end)
     }
 }
 
+static void class_fields(saga_io *f, saga_model *m)
+{
+    int i;
+
+    u8(f, &m->n_classes);
+    for (i = 0; i < SAGA_MAX_CLASSES; i++) {
+        u8(f, &m->classes[i].first);
+        u8(f, &m->classes[i].n);
+        u8(f, &m->classes[i].one);
+    }
+}
+
 static void model_fields(saga_io *f, saga_model *m)
 {
     int i;
@@ -139,6 +151,8 @@ void saga_tools_io(saga_io *f, saga_header *h)
         u32(f, &h->base.prim);
         u32(f, &h->base_nbytes);
     }
+    if (m->tools & SAGA_TOOL_CLASSES)
+        class_fields(f, m);
 }
 
 void saga_camera_io(saga_io *f, saga_rig_camera *c)

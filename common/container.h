@@ -44,7 +44,8 @@ enum {
 #define SAGA_TOOL_FIELDS(X)    \
     X(BANK, 15) /* networks */ \
     X(HASH, 3)  /* network */  \
-    X(BASE, 16) /* sizes */
+    X(BASE, 16) /* sizes */    \
+    X(CLASSES, 13)
 
 #define SAGA_TOOL_NBYTES(tool, nbytes) +(nbytes)
 

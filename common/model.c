@@ -314,6 +314,28 @@ static int hash_is_valid(const saga_model *m)
            bits <= 9 && levels << bits <= SAGA_MAX_ENTRIES;
 }
 
+/* Returns whether each class has features of the model, and the others that
+ * the header has room for are 0. */
+static int classes_are_valid(const saga_model *m)
+{
+    uint32_t i;
+
+    if (!(m->tools & SAGA_TOOL_CLASSES))
+        return 1;
+    if (m->n_classes < 2 || m->n_classes > SAGA_MAX_CLASSES)
+        return 0;
+    for (i = 0; i < SAGA_MAX_CLASSES; i++) {
+        const saga_class c = m->classes[i];
+
+        if (i >= m->n_classes
+                ? c.first || c.n || c.one
+                : (uint32_t)c.first + c.n > m->features ||
+                      c.one > m->features || saga_class_has(c, c.one))
+            return 0;
+    }
+    return 1;
+}
+
 int saga_model_is_valid(const saga_model *m)
 {
     int i;
@@ -330,5 +352,6 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m) && bank_is_valid(m) && hash_is_valid(m);
+           nets_are_valid(m) && bank_is_valid(m) && hash_is_valid(m) &&
+           classes_are_valid(m);
 }

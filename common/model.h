@@ -31,6 +31,7 @@ enum {
     SAGA_MAX_NET_LAYERS = 3,
     SAGA_MAX_OUT_Q = 20,
     SAGA_MAX_HASH_LEVELS = 8, /* tables of the residual hash */
+    SAGA_MAX_CLASSES = 4,     /* classes of coarse anchors */
     /* The longest vector that a network reads or writes, padding included. It
      * is the input of the slot network of the write, with one value for each
      * slot of the bank, up to 512; that of D_res, with one value for each entry
@@ -57,7 +58,9 @@ enum {
     X(HASH, 8, "residual hash", "residual_hash")                               \
     X(BANK, 9, "memory bank", "memory_bank")                                   \
     /* The bank is updated without the projection. */                          \
-    X(PLAIN_WRITE, 10, "plain bank writes", "plain_bank_writes")
+    X(PLAIN_WRITE, 10, "plain bank writes", "plain_bank_writes")               \
+    /* A coarse anchor has only the features of its class. */                  \
+    X(CLASSES, 11, "classes of anchors", "classes_of_anchors")
 
 #define SAGA_TOOL_LATER_LIST(X) \
     X(FEATURE_RESIDUAL, 7, "feature residuals", "feature_residuals")
@@ -183,6 +186,14 @@ enum {
     SAGA_N_STEPS
 };
 
+/* A class of coarse anchors (SAGA_TOOL_CLASSES). The features `first` to
+ * first + n - 1 of its anchors are coded. The others are 0, except feature
+ * `one`, which is 1 and tells the networks of the class; `one` is the number of
+ * features if there is no such feature. */
+typedef struct saga_class {
+    uint8_t first, n, one;
+} saga_class;
+
 typedef struct saga_model {
     uint32_t tools;
     uint8_t sources[SAGA_N_KINDS];
@@ -205,6 +216,9 @@ typedef struct saga_model {
      * tables together have at most SAGA_MAX_ENTRIES entries. */
     uint8_t hash_levels;       /* 1..SAGA_MAX_HASH_LEVELS */
     uint8_t hash_log2_entries; /* log2 of the entries of each table, 1..9 */
+    /* The classes of coarse anchors; all are 0 without SAGA_TOOL_CLASSES. */
+    uint8_t n_classes; /* 2..SAGA_MAX_CLASSES */
+    saga_class classes[SAGA_MAX_CLASSES];
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -266,6 +280,21 @@ static inline uint32_t saga_any_source(const saga_model *m)
     for (i = 0; i < SAGA_N_KINDS; i++)
         any |= m->sources[i];
     return any;
+}
+
+/* Returns class c of coarse anchors. Without the tool all anchors are of class
+ * 0, which has all features. */
+static inline saga_class saga_class_of(const saga_model *m, uint32_t c)
+{
+    const saga_class all = { 0, m->features, m->features };
+
+    return m->tools & SAGA_TOOL_CLASSES ? m->classes[c] : all;
+}
+
+/* Returns whether the anchors of a class have a coded feature i. */
+static inline int saga_class_has(saga_class c, uint32_t i)
+{
+    return i >= c.first && i < (uint32_t)c.first + c.n;
 }
 
 /* Returns the number of values in the embedding of a 4-D coordinate: sine and

@@ -37,6 +37,7 @@ typedef struct saga_coarse {
     uint8_t depth_x, depth_t;
     uint8_t n_fine;
     uint8_t group;
+    uint8_t class; /* 0 without SAGA_TOOL_CLASSES */
 } saga_coarse;
 
 typedef struct saga_fine {
@@ -77,6 +78,13 @@ typedef struct saga_models {
     saga_set_models set[2]; /* fine, primitive */
 } saga_models;
 
+/* Adaptive models for the class of a coarse anchor, which exist only with
+ * SAGA_TOOL_CLASSES. Indices: the class of the anchor before; of the one before
+ * that; whether the anchor's cell is shorter than the segment. */
+typedef struct saga_class_models {
+    saga_adaptive of[SAGA_MAX_CLASSES][SAGA_MAX_CLASSES][2];
+} saga_class_models;
+
 /* The working state of a traversal; the caller owns the memory. The arrays have
  * room for the counts n, which the segment header gives exactly. */
 typedef struct saga_scaffold {
@@ -89,7 +97,8 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;     /* (n.fine, F) */
     int16_t (*prim_offset)[4]; /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_bank bank; /* n_slots = 0: the tool is off */
+    saga_class_models *class_models; /* NULL without the tool */
+    saga_bank bank;                  /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
 /* Sets the sizes of a model's bank, but not its arrays. */

@@ -23,8 +23,10 @@ typedef struct saga_symbols {
                             * 3 both */
     uint16_t *occupancy;   /* (n_nodes) bit c: child c exists; 0 for leaves */
     uint8_t *n_fine;       /* (coarse) */
+    uint8_t *class;        /* (coarse); NULL: all are 0 */
     int32_t *centre;       /* (coarse, 4) q of x, y, z, t */
-    int32_t *feature;      /* (coarse, F) q */
+    int32_t *feature;      /* (coarse, F) q; 0 for features that the class of
+                            * the anchor lacks */
     uint32_t *fine_suffix; /* (fine) ascending within a parent */
     int32_t *fine_offset;  /* (fine, 4) q */
     uint8_t *n_prim;       /* (fine) */
@@ -86,8 +88,10 @@ enum {
     SAGA_SYM_SPLIT,          /* index: node */
     SAGA_SYM_OCCUPANCY,      /* index: node, bit: child; symbol 0 or 1 */
     SAGA_SYM_N_FINE,         /* index: coarse rank */
+    SAGA_SYM_CLASS,          /* index: coarse rank */
     SAGA_SYM_CENTRE,         /* index: coarse rank; 4 residuals */
-    SAGA_SYM_FEATURE,        /* index: coarse rank; F residuals */
+    SAGA_SYM_FEATURE,        /* index: coarse rank, column: first feature; some
+                              * of its F residuals */
     SAGA_SYM_FINE_SUFFIX,    /* index: first fine rank of a run, bit: bit of the
                               * suffix; symbol: number of points with bit 0 */
     SAGA_SYM_FINE_OFFSET,    /* index: fine rank; 4 residuals */

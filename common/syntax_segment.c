@@ -37,6 +37,11 @@ void saga_syntax_begin(const saga_scaffold *sc)
         for (j = 0; j < 4; j++)
             for (k = 0; k < 5; k++)
                 saga_adaptive_init(&m->occupancy[i][j][k], 2);
+    for (i = 0; sc->class_models && i < SAGA_MAX_CLASSES; i++)
+        for (j = 0; j < SAGA_MAX_CLASSES; j++)
+            for (k = 0; k < 2; k++)
+                saga_adaptive_init(&sc->class_models->of[i][j][k],
+                                   sc->model->n_classes);
     saga_adaptive_init(&m->n_prim, tier[SAGA_TIER_FINE].max_children + 1u);
     for (i = 0; i < 2; i++)
         begin_set(&m->set[i]);
@@ -295,6 +300,45 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
     }
 }
 
+/* Codes the class of every anchor, in order of rank. Anchors of neighbouring
+ * ranks are close in space, and mostly alike. */
+static void code_classes(const saga_scaffold *sc, saga_coder *c)
+{
+    uint32_t before[2] = { 0, 0 }, rank;
+
+    for (rank = 0; rank < sc->n.coarse; rank++) {
+        saga_coarse *const a = &sc->coarse[rank];
+
+        a->class = 0;
+        if (!sc->class_models)
+            continue;
+        a->class = (uint8_t)c->adaptive(
+            c, saga_at_symbol(SAGA_SYM_CLASS, rank, 0),
+            &sc->class_models->of[before[0]][before[1]][a->depth_t > 0],
+            sc->model->n_classes);
+        before[1] = before[0];
+        before[0] = a->class;
+    }
+}
+
+/* Codes the features of an anchor that its class has, and sets the others. */
+static void code_features(const saga_scaffold *sc, saga_coder *c, uint32_t rank,
+                          const int16_t *mu, const uint8_t *scale)
+{
+    const saga_model *const m = sc->model;
+    const saga_class has = saga_class_of(m, sc->coarse[rank].class);
+    int16_t *const feature = sc->coarse_feature + (size_t)rank * m->features;
+    saga_at at = saga_at_symbol(SAGA_SYM_FEATURE, rank, 0);
+    uint32_t i;
+
+    for (i = 0; i < m->features; i++)
+        feature[i] = i == has.one ? fx_sat16(1 << m->out_q[SAGA_OUT_COARSE])
+                                  : 0;
+    at.column = has.first;
+    code_block(feature + has.first, c, at, mu + has.first, scale + has.first,
+               m->step_q16[SAGA_STEP_FEATURE], has.n);
+}
+
 static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
                                uint32_t rank, const int16_t *mu,
                                const uint8_t *scale)
@@ -307,9 +351,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 
     code_block(centre, c, saga_at_symbol(SAGA_SYM_CENTRE, rank, 0), mu, scale,
                m->step_q16[SAGA_STEP_CENTRE], 4);
-    code_block(sc->coarse_feature + (size_t)rank * m->features, c,
-               saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
-               m->step_q16[SAGA_STEP_FEATURE], m->features);
+    code_features(sc, c, rank, mu + 4, scale + 4);
     /* The centre is relative to the middle of the cell, in its half-sizes. */
     saga_position_cell(&position, a);
     saga_position_move(&position, centre);
@@ -327,6 +369,7 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 
     if (!code_tree(sc, c))
         return 0;
+    code_classes(sc, c);
     /* A group may depend on everything that earlier groups have decoded. */
     for (group = 0; group < n_groups; group++) {
         for (rank = 0; rank < sc->n.coarse;) {

@@ -97,6 +97,10 @@ void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
     sc->fine_feature = (int16_t *)(void *)block_at(dec, p->fine_feature_at);
     sc->prim_offset = (int16_t(*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
+    sc->class_models = sc->model->tools & SAGA_TOOL_CLASSES
+                           ? (saga_class_models *)(void *)block_at(
+                                 dec, p->class_models_at)
+                           : NULL;
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
     sc->net.cpu = (saga_cpu)dec->cpu;
     sc->net.tally = &dec->tally;

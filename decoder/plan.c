@@ -15,6 +15,7 @@
  * Therefore these sizes, and that of a primitive (primitive.h), are part of the
  * format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
+_Static_assert(sizeof(saga_class_models) == 1088, "format: models of classes");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
 _Static_assert(sizeof(saga_round) == 388, "format: round of the bank");
 _Static_assert(sizeof(saga_coarse) == 32, "format: coarse anchor");
@@ -147,6 +148,8 @@ static uint64_t lay_out(saga_plan *p, const saga_header *h,
     p->nets_at = region(&at, 1, p->nets.nbytes);
     p->models_at = region(&at, 1, sizeof(saga_models));
     p->vectors_at = region(&at, 1, sizeof(saga_vectors));
+    p->class_models_at = region(&at, h->model.tools & SAGA_TOOL_CLASSES ? 1 : 0,
+                                sizeof(saga_class_models));
     p->prims_at = region(&at, prims, format.nbytes);
     p->colours_at = region(&at, prims, 2u * p->colour_stride);
     anchors = lay_anchors(p, h, at);

@@ -17,8 +17,9 @@
 typedef struct saga_plan {
     saga_nets nets;
     uint32_t nets_at, models_at, vectors_at;
-    uint32_t prims_at;   /* saga_primitive (base.prim + max.prim) */
-    uint32_t colours_at; /* int16_t (the same, colour_stride) */
+    uint32_t class_models_at; /* nothing without the tool */
+    uint32_t prims_at;        /* saga_primitive (base.prim + max.prim) */
+    uint32_t colours_at;      /* int16_t (the same, colour_stride) */
     uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;
     uint32_t offsets_at; /* int16_t (prim, 4) of one layer or the base */
     uint32_t bank_at;    /* saga_bank_lay; nothing without the tool */

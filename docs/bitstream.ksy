@@ -24,6 +24,9 @@ seq:
   - id: base
     type: base
     if: has_base
+  - id: classes
+    type: classes
+    if: has_classes
   - id: cameras
     type: camera
     repeat: expr
@@ -44,6 +47,8 @@ instances:
     value: (header.tools & 256) != 0
   has_base:
     value: (header.tools & 32) != 0
+  has_classes:
+    value: (header.tools & 2048) != 0
   n_layers:
     value: header.more_layers + 1
   head_nbytes:
@@ -182,7 +187,7 @@ types:
         type: u4
         valid:
           min: 178
-          max: 84180
+          max: 84193
       - id: level
         type: u1
         valid:
@@ -242,7 +247,7 @@ types:
       - id: tools
         type: u4
         valid:
-          expr: (_ >= 0 and _ <= 127) or (_ >= 256 and _ <= 383) or (_ >= 512 and _ <= 639) or (_ >= 768 and _ <= 895) or (_ >= 1536 and _ <= 1663) or (_ >= 1792 and _ <= 1919)
+          expr: (_ >= 0 and _ <= 127) or (_ >= 256 and _ <= 383) or (_ >= 512 and _ <= 639) or (_ >= 768 and _ <= 895) or (_ >= 1536 and _ <= 1663) or (_ >= 1792 and _ <= 1919) or (_ >= 2048 and _ <= 2175) or (_ >= 2304 and _ <= 2431) or (_ >= 2560 and _ <= 2687) or (_ >= 2816 and _ <= 2943) or (_ >= 3584 and _ <= 3711) or (_ >= 3840 and _ <= 3967)
       - id: sources_coarse
         type: u1
         valid:
@@ -430,6 +435,35 @@ types:
         type: u4
         valid:
           max: 1073741824
+  classes:
+    seq:
+      - id: n_classes
+        type: u1
+        valid:
+          min: 2
+          max: 4
+      - id: class_0
+        type: class
+      - id: class_1
+        type: class
+      - id: class_2
+        type: class
+      - id: class_3
+        type: class
+  class:
+    seq:
+      - id: first
+        type: u1
+        valid:
+          max: 64
+      - id: n
+        type: u1
+        valid:
+          max: 64
+      - id: one
+        type: u1
+        valid:
+          max: 64
   tier:
     seq:
       - id: n_groups

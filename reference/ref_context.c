@@ -131,6 +131,7 @@ static void coarse_values(ref_scene *s, uint32_t rank)
 {
     const saga_coarse *const c = &s->file->sc.coarse[rank];
     const uint32_t f = s->model->features;
+    const saga_class class = saga_class_of(s->model, s->file->s.class[rank]);
     double y[4], h[4];
 
     for (uint32_t i = 0; i < 4; i++) {
@@ -142,8 +143,12 @@ static void coarse_values(ref_scene *s, uint32_t rank)
     for (uint32_t i = 0; i < f; i++) {
         const size_t at = (size_t)rank * f + i;
 
-        s->coarse_feature[at] = decoded(s, SAGA_STEP_FEATURE,
-                                        s->file->s.feature, at);
+        s->coarse_feature[at] =
+            ref_file_is_coded(s->file, SAGA_STEP_FEATURE, at)
+                ? decoded(s, SAGA_STEP_FEATURE, s->file->s.feature, at)
+            : class.one == i
+                ? ref_saturate(1, ref_step_unit(s, SAGA_STEP_FEATURE))
+                : 0;
     }
 }
 

@@ -37,6 +37,19 @@ uint32_t ref_file_rows(const ref_file *f, int step)
                                     : f->s.n.coarse;
 }
 
+static saga_class class_of(const ref_file *f, size_t rank)
+{
+    return saga_class_of(&f->h.model, f->s.class[rank]);
+}
+
+bool ref_file_is_coded(const ref_file *f, int step, size_t i)
+{
+    const uint32_t n = f->h.model.features;
+
+    return step != SAGA_STEP_FEATURE ||
+           saga_class_has(class_of(f, i / n), (uint32_t)(i % n));
+}
+
 /* --- Chunks -------------------------------------------------------------- */
 
 /* Takes a chunk of the given type from the beginning of *at. Returns 0 if there
@@ -97,7 +110,8 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
                              : step == SAGA_STEP_FEATURE ? f->s.feature
                              : step == SAGA_STEP_FINE    ? f->s.fine_offset
                                                          : f->s.prim_offset;
-    const size_t first = (size_t)at.index * n;
+    const size_t first = (size_t)at.index * ref_file_channels(f, step) +
+                         at.column;
 
     (void)sc;
     memcpy(f->mu[step] + first, mu, n * sizeof *mu);
@@ -106,6 +120,18 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
         f->value[step][first + i] = fx_sat16_64(
             mu[i] +
             fx_rshift64((int64_t)q[first + i] * f->h.model.step_q16[step], 16));
+}
+
+/* Sets the features that are 1 and not coded. */
+static void set_ones(ref_file *f)
+{
+    const uint32_t n = f->h.model.features;
+    const int q = f->h.model.out_q[SAGA_OUT_COARSE];
+
+    for (size_t i = 0; i < f->s.n.coarse; i++)
+        if (class_of(f, i).one < n)
+            f->value[SAGA_STEP_FEATURE][i * n + class_of(f, i).one] =
+                (int16_t)(q < 15 ? 1 << q : 32767);
 }
 
 static int read_scaffold(ref_file *f, recorder_chunks at)
@@ -136,6 +162,7 @@ static int read_scaffold(ref_file *f, recorder_chunks at)
     ok = recorder_fill(&r.coder, &cost.inner, &f->sc, final_range, at);
     for (int i = 0; i < SAGA_N_SYMS; i++)
         f->bits[i] += cost.bits[i];
+    set_ones(f);
     return ok && take_chunk(&f->chunk[REF_COARSE], &at, SAGA_CHUNK_COARSE) &&
            take_chunk(&f->chunk[REF_FINE], &at, SAGA_CHUNK_FINE) &&
            take_chunk(&f->chunk[REF_PRIM], &at, SAGA_CHUNK_PRIM);

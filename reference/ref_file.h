@@ -40,8 +40,9 @@ typedef struct ref_file {
     int16_t *value[SAGA_N_STEPS]; /* dequantised values by SAGA_STEP_*: (coarse,
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
                                    * in common/syntax.h */
-    int16_t *mu[SAGA_N_STEPS];    /* the prediction of each value */
-    uint8_t *scale[SAGA_N_STEPS]; /* the index of its distribution */
+    int16_t *mu[SAGA_N_STEPS];    /* the prediction of each value, 0 for
+                                   * features that are not coded */
+    uint8_t *scale[SAGA_N_STEPS]; /* the index of its distribution, or 0 */
     saga_scaffold sc;             /* scaffold after all chunks are decoded */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];     /* code length by SAGA_SYM_* */
@@ -72,5 +73,8 @@ bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
 uint32_t ref_file_channels(const ref_file *f, int step);
 /* Returns the number of rows of a step's values: anchors or primitives. */
 uint32_t ref_file_rows(const ref_file *f, int step);
+/* Returns whether value i of a step is coded. Features that the class of their
+ * anchor lacks are not. */
+bool ref_file_is_coded(const ref_file *f, int step, size_t i);
 
 #endif

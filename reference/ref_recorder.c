@@ -36,7 +36,7 @@ static int32_t *place_of(recorder *r, saga_at at)
     case SAGA_SYM_CENTRE:
         return r->s->centre + 4 * (size_t)at.index;
     case SAGA_SYM_FEATURE:
-        return r->s->feature + r->features * (size_t)at.index;
+        return r->s->feature + r->features * (size_t)at.index + at.column;
     case SAGA_SYM_FINE_OFFSET:
         return r->s->fine_offset + 4 * (size_t)at.index;
     case SAGA_SYM_PRIM_OFFSET:
@@ -90,6 +90,9 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
         break;
     case SAGA_SYM_N_FINE:
         r->s->n_fine[at.index] = (uint8_t)sym;
+        break;
+    case SAGA_SYM_CLASS:
+        r->s->class[at.index] = (uint8_t)sym;
         break;
     case SAGA_SYM_N_PRIM:
         r->s->n_prim[at.index] = (uint8_t)sym;
@@ -170,6 +173,7 @@ void recorder_alloc_symbols(saga_symbols *s, saga_counts n, uint32_t features,
     s->occupancy = array(cap_nodes, sizeof *s->occupancy);
     s->n_fine = array(n.coarse, 1);
     s->centre = array(n.coarse, 4 * sizeof(int32_t));
+    s->class = array(n.coarse, 1);
     s->feature = array(n.coarse, features * sizeof(int32_t));
     s->fine_suffix = array(n.fine, sizeof(uint32_t));
     s->fine_offset = array(n.fine, 4 * sizeof(int32_t));
@@ -202,6 +206,7 @@ void recorder_free_symbols(saga_symbols *s)
     free(s->occupancy);
     free(s->n_fine);
     free(s->centre);
+    free(s->class);
     free(s->feature);
     free(s->fine_suffix);
     free(s->fine_offset);

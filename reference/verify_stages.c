@@ -54,6 +54,8 @@ static void compare_symbols(session *s, const part *p, int is_alone)
                          ref_file_channels(f, step);
 
         for (size_t i = 0; i < n; i++) {
+            if (!ref_file_is_coded(f, step, i))
+                continue;
             note(is_feature ? feature : offset,
                  f->mu[step][i] * (is_feature ? q : q14), p->scene.mu[step][i]);
             note(scale, f->scale[step][i], p->scene.scale[step][i]);

@@ -21,7 +21,7 @@ PROBE, NAMES, RANGE = "decoder/probe.c", "decoder/names.c", \
     "decoder/range_dec.c"
 MOVE, MAKE = "decoder/animate.c", "decoder/reconstruct.c"
 MLP, CONTEXT, FINE = "common/mlp.c", "common/context.c", "common/fine.c"
-NETS = "common/syntax_nets.c"
+NETS, SYMBOLS = "common/syntax_nets.c", "common/syntax_segment.c"
 BYTES = "if (nbytes > saga_caps[h->level].work_nbytes)"
 BOX = """\
     return pixel_range(&s->x0, &s->x1, s->mean_q8[0], ex, c->width) &
@@ -175,6 +175,23 @@ FAULTS = {
         "(offset_q14[i] >> (15 - (int)level))"),
     "the hash with ranks that begin anew": (
         MAKE, "r->fine[i], offset)", "r->fine[i] - r->fine[0], offset)"),
+    "work bytes without the models of classes": bytes_of(
+        "nbytes - (h->model.tools & SAGA_TOOL_CLASSES ? 1088 : 0)"),
+    "classes by the last one alone": (
+        SYMBOLS, "of[before[0]][before[1]]", "of[before[0]][0]"),
+    "classes with those of a cell as long as the segment": (
+        SYMBOLS, "[a->depth_t > 0],", "[0],"),
+    "classes by four symbols": (
+        SYMBOLS, "                                   sc->model->n_classes);",
+        "                                   4);"),
+    "one above 32767": (
+        SYMBOLS, "fx_sat16(1 << m->out_q[SAGA_OUT_COARSE])",
+        "(int16_t)(1 << fx_min(m->out_q[SAGA_OUT_COARSE], 14))"),
+    "predictions of the first features for those of a class": (
+        SYMBOLS, "at, mu + has.first, scale + has.first,", "at, mu, scale,"),
+    "the last class of a layer before that of the next": (
+        SYMBOLS, "uint32_t before[2] = { 0, 0 }, rank;",
+        "static uint32_t before[2];\n    uint32_t rank;"),
     "fine anchors write what nobody reads": (
         CONTEXT, "if (!saga_tier_writes(sc->model, tier))",
         "if (!sc->bank.n_slots)"),

@@ -28,8 +28,9 @@ PROOFS = {
               ["-eva-widening-delay", "300", "-eva-min-loop-unroll", "20",
                "-eva-slevel-function", "residuals:100,symbols:100,fields:100"]),
     "plan": ("plan main",
-             ["decoder/plan.c", "common/model.c", "common/nets.c",
-              "common/fx_math.c", "common/memory_bank.c", "common/scaffold.c"],
+             ["decoder/plan.c", "decoder/reconstruct.c", "common/model.c",
+              "common/nets.c", "common/fx_math.c", "common/memory_bank.c",
+              "common/scaffold.c"],
              ["-eva-precision", "2"]),
     "probe": ("head prove_probe", HEAD, ["-eva-slevel", "1000"]),
     "rig": ("head prove_rig", HEAD, ["-eva-slevel", "1000"]),
@@ -82,6 +83,8 @@ FAULTS = [
      "n_in - k"),
     ("tree", "common/syntax_segment.c", "if (rank >= sc->n.coarse)",
      "if (rank > sc->n.coarse)"),
+    ("tree", "common/syntax_segment.c", "[SAGA_STEP_FEATURE], has.n)",
+     "[SAGA_STEP_FEATURE], m->features)"),
 ]
 
 

@@ -175,7 +175,10 @@ verdict quiet
 
 # ---- good
 cat >"$tmp/agree.py" <<'PYTHON'
-import json, subprocess, sys
+import json, os, subprocess, sys
+
+sys.path.insert(0, "tests/stream")
+import film
 
 saga, saga_dec, *files = sys.argv[1:]
 
@@ -185,6 +188,24 @@ def said_by(*command):
     if done.returncode or done.stderr:
         print(*command, "has status", done.returncode, done.stderr)
     return done.stdout
+
+
+def classes_of(name):
+    """The classes of a file, by the tables of bitstream.md."""
+    f = film.Film(*os.path.split(name))
+    n = f.get("classes.n_classes") if "classes.n_classes" in f.fields else 0
+    for c in range(n):
+        first, n_features, one = (f.get(f"classes.class_{c}.{k}")
+                                  for k in ("first", "n", "one"))
+        yield {"first": first, "n_features": n_features,
+               "one": one if one < f.get("header.features") else None}
+
+
+def text_of(c):
+    """The line of `saga info` about a class."""
+    return "            %d feature%s from %d on%s\n" % (
+        c["n_features"], "s" * (c["n_features"] != 1), c["first"],
+        "" if c["one"] is None else ", and feature %d, which is 1" % c["one"])
 
 
 def complaints(j, said):
@@ -218,14 +239,18 @@ def complaints(j, said):
         ("most primitives", max(x["n_primitives"] for x in s)
          <= d["max_primitives"], True),
         ("sound", j["crc"]["sound"], True),
+        ("classes", j["classes"], list(classes_of(j["file"]))),
     ]:
         if a != b:
             yield "%s %s != %s" % (what, a, b)
 
 
 for f in files:
-    if "chunks are right" not in said_by(saga, "info", f):
+    told = said_by(saga, "info", f)
+    if "chunks are right" not in told:
         print(f + ": no word of CRCs")
+    if "".join(map(text_of, classes_of(f))) not in told:
+        print(f + ": other classes")
     try:
         for what in complaints(json.loads(said_by(saga, "info", f, "--json")),
                                said_by(saga_dec, f, "--info")):

@@ -45,7 +45,7 @@ NAMES = sorted(os.listdir(FOLDER))
 COUPLED = ("header_nbytes", "n_cameras", "n_segments", "n_frames")
 TIED = ("tools", "sources_coarse", "sources_fine", "sources_prim",
         "bank_slots", "bank_width", "bank_blocks", "hash_levels",
-        "hash_log2_entries")
+        "hash_log2_entries", "n_classes", "first", "n", "one")
 
 v = Verdicts("fields")
 lib = saga._lib()
@@ -117,7 +117,7 @@ def figures(f):
     h = {}
     for name in f.fields:
         room, rest = name.split(".", 1)
-        if room in ("header", "base", "bank", "hash"):
+        if room in ("header", "base", "bank", "hash", "classes"):
             h[rest] = f.get(name)
     return levels.Figures(h)
 
@@ -249,15 +249,18 @@ def is_refused(name, value):
 
 
 def check_ranges(f, thorough):
+    # Classes name features.
+    tied = TIED + ("features",) * ("classes.n_classes" in f.fields)
     for name, place in f.fields.items():
         last = name.split(".")[-1]
-        if name.split(".")[0] not in ("header", "bank", "hash", "base") or \
+        if name.split(".")[0] not in (
+                "header", "bank", "hash", "base", "classes") or \
                 not place.ranges or place.count > 1:
             continue
         for value in tried(place, thorough):
             inside = any(lo <= value <= hi for lo, hi in place.ranges) and \
                 not is_refused(name, value)
-            if inside and (last in COUPLED or last in TIED and
+            if inside and (last in COUPLED or last in tied and
                            value != f.signed(name)):
                 continue
             status = status_with(f, place.at, place.size, value)
@@ -328,7 +331,8 @@ def main():
             check(f)
         v.verdict(name)
     for f in everything:
-        check_ranges(f, f.name in ("whole.saga", "base_level3.saga"))
+        check_ranges(f, f.name in (
+            "whole.saga", "base_level3.saga", "classes_whole.saga"))
     v.verdict("ranges")
     check_cameras(everything[0])
     v.verdict("cameras")

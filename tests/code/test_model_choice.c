@@ -109,7 +109,8 @@ typedef struct {
     const world *w;
     size_t at; /* next request */
     uint32_t node, leaf;
-    uint32_t n_later; /* halvings told by the first bit of time */
+    uint8_t *is_short; /* (coarse) the leaf is shorter than the segment */
+    uint32_t n_later;  /* halvings told by the first bit of time */
 } page;
 
 static void expect(page *p, uint8_t sym, const saga_adaptive *model)
@@ -120,9 +121,9 @@ static void expect(page *p, uint8_t sym, const saga_adaptive *model)
     p->at++;
 }
 
-static void expect_leaf(page *p, uint32_t depth_x)
+static void expect_leaf(page *p, uint32_t depth_x, uint32_t depth_t)
 {
-    p->leaf++;
+    p->is_short[p->leaf++] = depth_t > 0;
     expect(p, SAGA_SYM_N_FINE, &p->w->sc.models->n_fine[depth_x]);
 }
 
@@ -141,7 +142,7 @@ static uint32_t n_before(uint32_t mask, uint32_t i, int touching)
     return n;
 }
 
-static void expect_node(page *p, uint32_t depth_x)
+static void expect_node(page *p, uint32_t depth_x, uint32_t depth_t)
 {
     const saga_symbols *const s = &p->w->g.segment[0];
     const saga_models *const m = p->w->sc.models;
@@ -151,7 +152,7 @@ static void expect_node(page *p, uint32_t depth_x)
     p->node++;
     expect(p, SAGA_SYM_SPLIT, &m->split[depth_x]);
     if (split == 0) {
-        expect_leaf(p, depth_x);
+        expect_leaf(p, depth_x, depth_t);
         return;
     }
     for (uint32_t i = 0; i < n; i++) {
@@ -163,7 +164,23 @@ static void expect_node(page *p, uint32_t depth_x)
     }
     for (uint32_t i = 0; i < n; i++)
         if (mask >> i & 1u)
-            expect_node(p, depth_x + (split & 1u));
+            expect_node(p, depth_x + (split & 1u), depth_t + (split >> 1));
+}
+
+/* Expects the classes of all anchors, which stand after the tree. */
+static void expect_classes(page *p)
+{
+    const saga_symbols *const s = &p->w->g.segment[0];
+    const saga_class_models *const m = p->w->sc.class_models;
+
+    for (uint32_t i = 0; i < s->n.coarse; i++) {
+        const uint32_t before = i > 0 ? s->class[i - 1] : 0;
+        const uint32_t earlier = i > 1 ? s->class[i - 2] : 0;
+
+        assert_int_equal(p->w->l.request[p->at].n_sym,
+                         p->w->g.header.model.n_classes);
+        expect(p, SAGA_SYM_CLASS, &m->of[before][earlier][p->is_short[i]]);
+    }
 }
 
 /* Expects the model of section 10 for a halving of a set. It follows from the
@@ -196,13 +213,18 @@ TEST(models_should_be_those_of_the_page)
         const gen_options o = { .seed = 100 + i,
                                 .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
-                                .bank = (int)(i % 3) };
+                                .bank = (int)(i % 3),
+                                .classes = i / 3 % 4 ? i / 3 % 4 + 1 : 0 };
         FREED_BY(end) world w;
-        page p = { &w, 0, 0, 0, 0 };
+        page p = { .w = &w };
 
         begin(&w, &o);
-        expect_node(&p, 0);
+        p.is_short = must(calloc(w.sc.n.coarse + 1u, 1));
+        expect_node(&p, 0, 0);
         assert_int_equal(p.leaf, w.sc.n.coarse);
+        if (o.classes)
+            expect_classes(&p);
+        free(p.is_short);
         while (p.at < w.l.n) {
             const request *const q = &w.l.request[p.at];
 

@@ -65,6 +65,12 @@ uint32_t saga_net_macs(const saga_net_shape *shape)
 
 /* --- Files ---------------------------------------------------------------- */
 
+/* Returns where the structure Base ends. */
+static uint32_t base_end(const saga_header *h)
+{
+    return saga_rig_offset(h) - (h->model.tools & SAGA_TOOL_CLASSES ? 13 : 0);
+}
+
 /* Makes any bytes with tools and sizes of row k; NETS and the base have 8 bytes
  * of payload. Returns any length of a file. */
 static size_t begin(uint32_t k)
@@ -72,7 +78,8 @@ static size_t begin(uint32_t k)
     const uint32_t more = k & 1;
     const uint32_t tools = (k & 2 ? SAGA_TOOL_BANK : 0u) |
                            (k & 4 ? SAGA_TOOL_HASH : 0u) |
-                           (k & 8 ? SAGA_TOOL_BASE : 0u);
+                           (k & 8 ? SAGA_TOOL_BASE : 0u) |
+                           (k & 16 ? SAGA_TOOL_CLASSES : 0u);
     static saga_header h;
 
     h.model.tools = tools;
@@ -82,7 +89,7 @@ static size_t begin(uint32_t k)
     fx_store32_le(bytes + SEGMENTS_AT, 1 + more);
     fx_store32_le(bytes + NETS_AT, 8);
     if (tools & SAGA_TOOL_BASE)
-        fx_store32_le(bytes + saga_rig_offset(&h) - 4, 8);
+        fx_store32_le(bytes + base_end(&h) - 4, 8);
     return any_of(0, N);
 }
 
@@ -91,8 +98,8 @@ void prove_probe(void)
 {
     static saga_info info;
 
-    //@ loop unroll 16;
-    for (uint32_t k = 0; k < 16; k++)
+    //@ loop unroll 32;
+    for (uint32_t k = 0; k < 32; k++)
         (void)saga_probe(&info, bytes, begin(k));
 }
 
@@ -102,8 +109,8 @@ void prove_rig(void)
     static saga_camera camera;
     uint32_t number;
 
-    //@ loop unroll 16;
-    for (uint32_t k = 0; k < 16; k++)
+    //@ loop unroll 32;
+    for (uint32_t k = 0; k < 32; k++)
         (void)saga_rig(&camera, &number, bytes, begin(k), any());
 }
 
@@ -112,7 +119,7 @@ void prove_find(void)
 {
     static saga_segment seg;
 
-    //@ loop unroll 16;
-    for (uint32_t k = 0; k < 16; k++)
+    //@ loop unroll 32;
+    for (uint32_t k = 0; k < 32; k++)
         (void)saga_find(&seg, bytes, begin(k), any(), any());
 }

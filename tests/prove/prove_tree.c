@@ -1,14 +1,28 @@
 /* SPDX-License-Identifier: MIT
  *
  * The steps of code_tree from any node and any symbols: children, occupancy,
- * leaves, and their cells. The stack of nodes is not part of it.
+ * leaves, and their cells. The stack of nodes is not part of it. Then classes
+ * of anchors, and the features that any valid ones have.
  */
 #include "any_coder.h"
 #include "prove.h"
 
 #include "syntax_segment.c"
 
-enum { N_COARSE = 4, N_FINE = 8 };
+enum { N_COARSE = 4, N_FINE = 8, N_FEATURES = 6 };
+
+/* Gives all classes the features first .. first + n - 1. */
+static void set_classes(saga_model *m, uint32_t first, uint32_t n)
+{
+    uint32_t i;
+
+    //@ loop unroll 4;
+    for (i = 0; i < SAGA_MAX_CLASSES; i++) {
+        m->classes[i].first = (uint8_t)first;
+        m->classes[i].n = (uint8_t)n;
+        m->classes[i].one = (uint8_t)any_of(0, N_FEATURES);
+    }
+}
 
 static void any_node(node *nd)
 {
@@ -58,10 +72,30 @@ static void children(const saga_scaffold *sc, saga_coder *c)
     (void)child;
 }
 
+static void classes(const saga_scaffold *sc, saga_model *m, saga_coder *c)
+{
+    static int16_t mu[SAGA_MAX_FEATURES];
+    static uint8_t scale[SAGA_MAX_FEATURES];
+    uint32_t first, n;
+
+    any_bytes(mu, sizeof mu);
+    any_bytes(scale, sizeof scale);
+    code_classes(sc, c);
+    //@ loop unroll 7;
+    for (first = 0; first <= N_FEATURES; first++)
+        //@ loop unroll 7;
+        for (n = 0; n <= N_FEATURES - first; n++) {
+            set_classes(m, first, n);
+            code_features(sc, c, any_of(0, N_COARSE - 1), mu, scale);
+        }
+}
+
 int main(void)
 {
     static saga_coarse coarse[N_COARSE];
+    static int16_t feature[N_COARSE * N_FEATURES];
     static saga_models models;
+    static saga_class_models class_models;
     static saga_model model;
     saga_coder coder = any_coder;
     saga_scaffold sc;
@@ -70,12 +104,19 @@ int main(void)
     model.tier[0].max_children = (uint8_t)any_of(1, SAGA_MAX_CHILDREN);
     model.tier[0].suffix_bits = (uint8_t)any_of(0, SAGA_MAX_SUFFIX_BITS);
     sc.model = &model;
+    model.tools = SAGA_TOOL_CLASSES;
+    model.features = N_FEATURES;
+    model.out_q[SAGA_OUT_COARSE] = (uint8_t)any_of(0, SAGA_MAX_OUT_Q);
+    model.n_classes = (uint8_t)any_of(2, SAGA_MAX_CLASSES);
     sc.models = &models;
+    sc.class_models = &class_models;
+    sc.coarse_feature = feature;
     sc.coarse = coarse;
     sc.n.coarse = N_COARSE;
     sc.n.fine = N_FINE;
     leaf(&sc, &coder);
     children(&sc, &coder);
     cells();
+    classes(&sc, &model, &coder);
     return 0;
 }

@@ -12,23 +12,30 @@
 #include "file.h"
 #include "ref_file.h"
 #include "ref_recorder.h"
+#include "ref_scene.h"
 #include "testing.h"
 
 #include <dirent.h>
+#include <math.h>
 
 enum { PER_BASE = 25 };
 
 /* --- What each reader says ----------------------------------------------- */
 
-/* Takes the file apart. Returns NULL, or the reason for which it is refused. */
+/* Takes the file apart. Returns NULL, or the reason for which it is refused.
+ * The features, of symbols and predictions, are those of the decoder. */
 static const char *take_apart(const uint8_t *bytes, size_t n)
 {
     ref_file f;
     const char *why = ref_file_read(&f, bytes, n);
 
-    if (!why)
-        ref_file_free(&f);
-    return why;
+    if (why)
+        return why;
+    assert_memory_equal(f.value[SAGA_STEP_FEATURE], f.sc.coarse_feature,
+                        (size_t)f.n.coarse * f.h.model.features *
+                            sizeof *f.sc.coarse_feature);
+    ref_file_free(&f);
+    return NULL;
 }
 
 static int record(const uint8_t *bytes, size_t n)
@@ -110,6 +117,49 @@ TEST(bad_vectors_should_be_refused)
     assert_true(for_each("vectors/bad", assert_refused) >= 50);
 }
 
+/* --- Classes ------------------------------------------------------------- */
+
+/* Decodes a file in double, and returns how many of its features are 1 without
+ * being coded. */
+static uint32_t check_ones(const uint8_t *bytes, size_t n)
+{
+    saga_error error = { "" };
+    saga_primitive *prim;
+    int16_t *colour;
+    uint32_t n_ones = 0;
+    FREED_BY(ref_file_free) ref_file f;
+    FREED_BY(ref_scene_free) ref_scene s;
+
+    assert_null(ref_file_read(&f, bytes, n));
+    assert_true(ref_file_primitives(&prim, &colour, &f, &error));
+    assert_true(ref_scene_make(&s, &f, prim, colour, &error));
+    assert_true(ref_scene_decode(&s, &error));
+    for (size_t i = 0; i < (size_t)f.n.coarse * f.h.model.features; i++)
+        if (!ref_file_is_coded(&f, SAGA_STEP_FEATURE, i)) {
+            assert_true(s.coarse_feature[i] ==
+                        ldexp(f.sc.coarse_feature[i],
+                              -f.h.model.out_q[SAGA_OUT_COARSE]));
+            n_ones += f.sc.coarse_feature[i] != 0;
+        }
+    free(prim);
+    free(colour);
+    return n_ones;
+}
+
+TEST(features_that_are_not_coded_should_be_exact_in_double)
+{
+    uint32_t n_ones = 0;
+
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        const gen_options o = { .seed = seed, .level = 1, .classes = 3 };
+        size_t n;
+        FREED uint8_t *const bytes = gen_stream_bytes(&o, &n);
+
+        n_ones += check_ones(bytes, n);
+    }
+    assert_true(n_ones > 0);
+}
+
 /* --- Damaged streams ----------------------------------------------------- */
 
 static uint8_t *make_base(uint64_t number, size_t *n)
@@ -118,7 +168,10 @@ static uint8_t *make_base(uint64_t number, size_t *n)
                             .n_coarse = 1 + (uint32_t)(number % 5),
                             .bank = (int)(number % 3),
                             .bank_slots = 32,
-                            .bank_width = 8 };
+                            .bank_width = 8,
+                            .classes = number % 2
+                                           ? 2 + (uint32_t)(number / 2 % 3)
+                                           : 0 };
 
     return gen_stream_bytes(&o, n);
 }

@@ -159,6 +159,7 @@ static void forget_segment(const player *p)
 
     saga_prim_format_of(&format, &p->header.model);
     paint_work(p, plan->models_at, plan->vectors_at);
+    paint_work(p, plan->class_models_at, plan->prims_at);
     paint_work(p, plan->prims_at + base * format.nbytes, plan->colours_at);
     paint_work(p, plan->colours_at + 2 * base * plan->colour_stride,
                plan->work_nbytes);

@@ -103,7 +103,7 @@ static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
                                      RECORDER_BASE, final_range, bytes, n));
     if (ok)
         *crc = saga_symbols_crc(&nets[0], &plan.nets, has_base ? &base : NULL,
-                                s, n_layers, h.model.features);
+                                s, n_layers, &h.model);
     for (uint32_t i = 0; i <= SAGA_MAX_LAYERS; i++)
         saga_net_symbols_free(&nets[i]);
     for (uint32_t i = 0; i < SAGA_MAX_LAYERS; i++)

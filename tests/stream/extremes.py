@@ -122,6 +122,29 @@ PLACES = [
          (B, "a layer with fine anchors and without primitives",
           "sc->n.fine && sc->n.prim == 0"),
      ]),
+    ("common/syntax_segment.c", "a->depth_t > 0],\n"
+     "            sc->model->n_classes);\n", [
+        *((B, f"the last of {n} classes",
+           f"sc->model->n_classes == {n} && a->class == {n - 1}")
+          for n in (2, 3, 4)),
+        (B, "a class in a cell shorter than the segment", "a->depth_t > 0"),
+        (B, "a third class in a row that differs from the two before",
+         "rank > 1 && before[0] != before[1] && a->class != before[0] && "
+         "a->class != before[1]"),
+    ]),
+    ("common/syntax_segment.c", "    at.column = has.first;\n", [
+        (B, "a class of no feature", "sc->class_models && !has.n"),
+        (B, "a class of all features", "sc->class_models && "
+         "has.n == m->features"),
+        (B, "a class without a feature that is 1", "sc->class_models && "
+         "has.n < m->features && has.one == m->features"),
+        (B, "the feature that is 1 stands before the coded ones",
+         "has.one < has.first"),
+        (B, "the feature that is 1 stands behind the coded ones",
+         "has.n && has.one >= has.first + has.n && has.one < m->features"),
+        (A, "the feature that is 1 is 32767",
+         "has.one < m->features && m->out_q[SAGA_OUT_COARSE] >= 15"),
+    ]),
     ("common/syntax_segment.c", "    const uint32_t n = saga_n_channels("
      "sc->model, SAGA_KIND_FINE);\n    uint32_t group, rank, i;\n", [
          (B, "n_groups of fine anchors is 15", "n_groups == 15"),

@@ -100,6 +100,8 @@ class Film:
         self.has_base = bool(tools & 1 << 5)
         if self.has_base:
             at = self.add("base", "Base", at)
+        if tools & 1 << 11:
+            at = self.add("classes", "Classes", at)
         for i in range(self.get("header.n_cameras")):
             at = self.add(f"camera{i}", "Camera", at)
         self.fields["header.crc"] = Place(at, page.Field(

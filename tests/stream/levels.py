@@ -17,7 +17,8 @@ NETS = ("hyper", "e_coarse", "e_fine", "e_prim", "fuse_c", "fuse_f", "fine",
 BANK_NETS = ("query", "agg", "slot", "write_base", "write")
 HYPER, BANK = 1, 8
 VIEW, SLOPE, OPACITY_T = 4, 2, 1
-HAS_BASE, HAS_HASH, HAS_BANK, PLAIN_WRITE = 1 << 5, 1 << 8, 1 << 9, 1 << 10
+HAS_BASE, HAS_HASH, HAS_BANK, PLAIN_WRITE, HAS_CLASSES = (
+    1 << 5, 1 << 8, 1 << 9, 1 << 10, 1 << 11)
 
 
 class Figures:
@@ -165,8 +166,9 @@ class Figures:
         every = self.counts("max")[2] + self.counts("n")[2]
         s = self.C if self.tools & VIEW else 3
         F = self.F
-        return (768 + 2 * up(F) + nets + up(6630) + up(4224) + up(72 * every) +
-                up(2 * s * every) +
+        classes = up(1088) if self.tools & HAS_CLASSES else 0
+        return (768 + 2 * up(F) + nets + up(6630) + up(4224) + classes +
+                up(72 * every) + up(2 * s * every) +
                 max(bank + up(32 * nc) + up(2 * F * nc) + up(48 * nf) +
                     up(2 * F * nf) + up(8 * np),
                     up(44 * every) + 2 * up(8 * every)))
@@ -195,6 +197,8 @@ def thin(h, level):
     for name in list(h):
         if name.startswith("net_"):
             h[name] = 1          # width, int8; q_in may be 1
+        if name.startswith("class_"):
+            h[name] = 0          # no feature is coded, and feature 0 is 1
     for name in ("n_coarse", "n_fine", "n_prim"):
         if name in h:
             h[name] = int(name == "n_coarse")
@@ -240,6 +244,14 @@ def trials(level, h):
     """Yields for each limit a header to begin with, a function that sets the
     growing field, and the field's largest value."""
     width = CAPS[level][5]
+    if h["tools"] & HAS_CLASSES:
+        # Classes change no other limit.
+        for share in (1, 2):
+            yield ("work_bytes",
+                   dict(wide(h, 8), max_coarse=CAPS[level][1] // share,
+                        max_prim=CAPS[level][3] // share),
+                   with_field("max_fine"), 2**22)
+        return
     for kind in ("coarse", "fine", "prim"):
         yield kind, h, with_field(f"max_{kind}"), 2**22 + 2
         if "n_coarse" in h:

@@ -34,6 +34,9 @@ seq:
   - id: base
     type: base
     if: has_base
+  - id: classes
+    type: classes
+    if: has_classes
   - id: cameras
     type: camera
     repeat: expr
@@ -54,6 +57,8 @@ instances:
     value: (header.tools & 256) != 0
   has_base:
     value: (header.tools & 32) != 0
+  has_classes:
+    value: (header.tools & 2048) != 0
   n_layers:
     value: header.more_layers + 1
   head_nbytes:

@@ -79,7 +79,7 @@ def verdict(name, value, field):
     if last.startswith("sources_") and value >= 16:
         return "open.8", VERSION
     if last == "tools":
-        known = 0x77f
+        known = 0xf7f
         return ("open.4", VERSION) if value & ~known else ("open.9", DATA)
     if last in ("n_cameras", "header_nbytes"):
         return "open.5", DATA
@@ -99,9 +99,10 @@ def header_ranges(film, names):
                      **more)
 
 
-def opening(plain, bank, hashed):
+def opening(plain, bank, hashed, classed):
     """Adds headers that are refused. plain is a film with a base and two
-    segments, bank one with a memory bank, hashed one with a residual hash."""
+    segments, bank one with a memory bank, hashed one with a residual hash,
+    classed one with two classes."""
     names = [n for n in plain.fields if n.startswith(("header.", "base."))]
     header_ranges(plain, [n for n in names
                           if "bank_" not in n and "hash_" not in n])
@@ -109,6 +110,8 @@ def opening(plain, bank, hashed):
                          if n.startswith("bank.") or "bank_" in n])
     header_ranges(hashed, [n for n in hashed.fields
                            if n.startswith("hash.") or "hash_" in n])
+    header_ranges(classed, [n for n in classed.fields
+                            if n.startswith("classes.")])
     for at in range(4):
         edit = Edit(plain).replace(at, 1, bytes([plain.data[at] ^ 0x20]))
         row("open.1", f"magic[{at}]", DATA, edit.cut(at + 1))
@@ -117,7 +120,7 @@ def opening(plain, bank, hashed):
     row("open.6", "n=header_nbytes-1", TRUNCATED,
         Edit(plain, sign=False).cut(plain.header_nbytes - 1))
     row("open.7", "crc", DATA, Edit(plain).damage("header.crc"))
-    for bit in (7, *range(11, 32)):
+    for bit in (7, *range(12, 32)):
         head_row(plain, "open.4", f"tools|2^{bit}", VERSION,
                  header__tools=plain.get("header.tools") | 1 << bit)
     for kind in ("coarse", "fine", "prim"):
@@ -139,6 +142,7 @@ def opening(plain, bank, hashed):
     networks(hashed, ["hash.net_res.width"])
     tools(plain, bank)
     hash_fields(plain, hashed)
+    class_fields(classed)
     ends(plain)
 
 
@@ -192,6 +196,45 @@ def hash_fields(plain, hashed):
                  header__hash_levels=count, header__hash_log2_entries=bits)
 
 
+def class_fields(film):
+    """Adds headers that break the rules of section 3 for classes, and some that
+    keep them. film has two classes."""
+    features = film.get("header.features")
+
+    def classed(what, keeps=False, **values):
+        head_row(film, "open.12" if keeps else "open.9", f"classes-{what}",
+                 TRUNCATED if keeps else DATA,
+                 **{f"classes.{k}": v for k, v in values.items()})
+
+    for c in (0, 1):
+        def one_class(what, first, n, one, keeps=False):
+            classed(f"{c}-{what}", keeps, **{f"class_{c}.first": first,
+                                             f"class_{c}.n": n,
+                                             f"class_{c}.one": one})
+
+        one_class("first+n=F+1", 1, features, 0)
+        one_class("first=F+1", features + 1, 0, 0)
+        # These sums must not pass as 0 to 4 of 8 bits.
+        one_class("first+n=260", 200, 60, 0)
+        one_class("one=F+1", 0, features - 1, features + 1)
+        one_class("one=first", 1, 3, 1)
+        one_class("one=last", 1, 3, 3)
+        one_class("one-before-run", 1, 3, 0, keeps=True)
+        one_class("one-behind-run", 1, 3, 4, keeps=True)
+        one_class("all", 0, features, features, keeps=True)
+        one_class("none", features, 0, features, keeps=True)
+    for c in (2, 3):
+        for name in ("first", "n", "one"):
+            classed(f"{c}.{name}-of-two", **{f"class_{c}.{name}": 1})
+    classed("3.one-of-three", n_classes=3, **{"class_3.one": 1})
+    none = {f"class_1.{name}": 0 for name in ("first", "n", "one")}
+    classed("of-1", n_classes=1, **none)
+    classed("of-0", n_classes=0, **none,
+            **{f"class_0.{name}": 0 for name in ("first", "n", "one")})
+    classed("of-3", keeps=True, n_classes=3)
+    classed("of-4", keeps=True, n_classes=4)
+
+
 def ends(plain):
     """Adds files whose head is incomplete."""
     nets = plain.chunk("NETS")
@@ -201,11 +244,13 @@ def ends(plain):
         Edit(plain, sign=False).cut(plain.head_nbytes - 1))
 
 
-def level_rows(film):
+def level_rows(film, which=""):
     """Adds headers at each limit of each level, for which the status is
-    TRUNCATED since nothing follows them, and headers just above each limit."""
+    TRUNCATED since nothing follows them, and headers just above each limit.
+    which: what tells their names from those of another film."""
     place = {n.split(".", 1)[1]: n for n in film.fields
-             if n.startswith(("header.", "base.", "bank.", "hash."))
+             if n.startswith(("header.", "base.", "bank.", "hash.",
+                              "classes."))
              and film.field(n).count == 1 and n != "header.crc"}
     good = {name: film.get(path) for name, path in place.items()}
     for level in range(len(levels.CAPS)):
@@ -217,7 +262,8 @@ def level_rows(film):
                     if value != good[field]:
                         edit.set(place[field], value)
                 rule = "open.11" if status == LEVEL else "open.12"
-                text = f"level{level}.{limit}.{name}-by-{'+'.join(grown)}"
+                text = f"level{level}.{limit}{which}.{name}-by-" + \
+                    "+".join(grown)
                 if (rule, text) not in rows:
                     row(rule, text, status, edit.cut(film.header_nbytes))
 
@@ -589,10 +635,11 @@ def main():
         return Film(folder, f"good/{name}.saga")
 
     plain, layers = film("base_level3"), film("layers")
-    hashed = film("hash_level3")
-    opening(plain, film("memory_level3"), hashed)
+    hashed, classed = film("hash_level3"), film("classes_level0")
+    opening(plain, film("memory_level3"), hashed, classed)
     level_rows(plain)
     level_rows(hashed)
+    level_rows(classed, "-of-classes")
     level_rows(film("memory_level3"))
     chunks(plain, layers)
     index(plain, film("segments"))

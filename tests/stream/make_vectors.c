@@ -35,7 +35,8 @@ static const struct {
                 MEMBER(no_fuse),    MEMBER(hash_log2_entries),
                 MEMBER(linear),     MEMBER(named),
                 MEMBER(exposed),    MEMBER(sounds),
-                MEMBER(base),       MEMBER(n_layers) };
+                MEMBER(base),       MEMBER(n_layers),
+                MEMBER(classes) };
 
 static void fail(const char *name, const char *what)
 {
@@ -76,10 +77,9 @@ static void print_stages(const char *name, const gen_stream *g,
     saga_status s;
 
     saga_nets_layout(&nets, &g->header.model);
-    st.symbols = saga_symbols_crc(&g->nets, &nets,
-                                  g->has_base ? &g->base : NULL,
-                                  &g->segment[at->segment * n_layers], n_layers,
-                                  g->header.model.features);
+    st.symbols = saga_symbols_crc(
+        &g->nets, &nets, g->has_base ? &g->base : NULL,
+        &g->segment[at->segment * n_layers], n_layers, &g->header.model);
     s = saga_stages_of(&st, bytes, n, at->segment, at->t, at->camera, pixels,
                        sizeof pixels);
     if (s)

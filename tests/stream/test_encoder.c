@@ -46,6 +46,18 @@ static uint32_t node_with_split(const saga_symbols *s, uint32_t split)
     return i;
 }
 
+/* Returns a feature of the first anchor that its class lacks. */
+static uint32_t lacked(const gen_stream *g)
+{
+    const saga_model *const m = &g->header.model;
+    uint32_t i = 0;
+
+    while (i < m->features &&
+           saga_class_has(m->classes[g->segment[0].class[0]], i))
+        i++;
+    return i;
+}
+
 /* Changes of a stream g with the symbols s, the tiers t and the first layer l
  * of F_geo. Suffixes and masks have unused bits, which are not coded, so that
  * decoding would lose them. */
@@ -72,6 +84,9 @@ static uint32_t node_with_split(const saga_symbols *s, uint32_t split)
       s->prim_suffix[s->n_prim[0] - 1] |= 1u << 4 * t[1].suffix_bits) \
     X(leaf_with_child, s->occupancy[node_with_split(s, 0)] = 1)       \
     X(mask_wide, s->occupancy[node_with_split(s, 1)] |= 1u << 8)      \
+    X(class_over, s->class[1] = g->header.model.n_classes)            \
+    X(class_max, s->class[0] = 255)                                   \
+    X(feature_lacked, s->feature[lacked(g)] = 1)                      \
     X(no_frames, g->n_frames[0] = 0)
 #define OF_NETWORKS(X)                                                     \
     X(weight_over, l->weight[5] = SAGA_MAX_RESIDUAL + 1)                   \
@@ -150,14 +165,16 @@ static void spoil(gen_stream *g, int change)
 /* Makes a stream in which each change finds its place. */
 static void make_rich(gen_stream *g)
 {
-    gen_options o = { .level = 1, .n_coarse = 24 };
+    gen_options o = { .level = 1, .n_coarse = 24, .classes = 3 };
 
     for (o.seed = 100 + testing_seed(1);; o.seed++) {
         const saga_tier *const l = g->header.model.tier;
         const saga_symbols *const s = &g->segment[0];
 
         *g = gen_stream_make(&o);
-        if (s->n.coarse > 8 && s->n.prim > 100 && s->n_fine[0] > 1 &&
+        if (lacked(g) < g->header.model.features &&
+            saga_class_has(g->header.model.classes[s->class[0]], 3) &&
+            s->n.coarse > 8 && s->n.prim > 100 && s->n_fine[0] > 1 &&
             s->n_prim[0] > 1 && s->split[0] != 0 && l[0].suffix_bits > 2 &&
             l[0].suffix_bits < 8 && l[1].suffix_bits > 2 &&
             l[1].suffix_bits < 8 && memchr(s->split, 1, s->n_nodes))
@@ -215,6 +232,24 @@ TEST(encoder_should_refuse_symbols_that_are_not_valid)
 {
     for (int i = 0; i < N_OF_SYMBOLS; i++)
         assert_refused(i);
+}
+
+/* Without the tool, a class would be lost. */
+TEST(encoder_should_refuse_classes_of_a_file_without_them)
+{
+    const gen_options o = { .seed = testing_seed(1), .level = 1 };
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
+    saga_symbols *const s = &g.segment[0];
+    saga_encoder *const e = open_encoder(&g);
+    saga_error error = { "" };
+
+    s->class = must(calloc(s->n.coarse, 1));
+    s->class[s->n.coarse - 1] = 1;
+    assert_false(saga_encoder_segment(e, s, 1, &error));
+    s->class[s->n.coarse - 1] = 0;
+    error.message[0] = '\0';
+    assert_true(saga_encoder_segment(e, s, 1, &error));
+    saga_encoder_free(e);
 }
 
 /* --- Networks it refuses ------------------------------------------------- */

@@ -42,7 +42,8 @@ static gen_options options_of(uint32_t i)
                             .n_segments = N_SEGMENTS,
                             .n_layers = N_LAYERS,
                             .bank = (int)(i % 3),
-                            .no_fuse = i % 4 };
+                            .no_fuse = i % 4,
+                            .classes = i % 2 ? 2 + i % 3 : 0 };
 
     return o;
 }
@@ -190,7 +191,8 @@ static gen_options with_base(uint32_t i, uint32_t tools)
                             .n_segments = N_SEGMENTS,
                             .base = 1,
                             .bank = (int)(i % 3),
-                            .no_fuse = i % 4 };
+                            .no_fuse = i % 4,
+                            .classes = i % 2 ? 2 + i % 3 : 0 };
 
     return o;
 }

@@ -80,6 +80,7 @@ static void make_base(base *b, uint64_t number)
     o.no_fuse = (uint32_t)(number / 3 % 4);
     o.linear = number % 5 == 0;
     o.base = number % 3 == 1;
+    o.classes = number % 5 < 3 ? 0 : 2 + (uint32_t)(number / 5 % 3);
     o.n_layers = number % 4 == 2 ? 2 + (uint32_t)(number / 4 % 2) : 1;
     if (!o.picture) {
         o.bank_slots = 32;

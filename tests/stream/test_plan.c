@@ -127,6 +127,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.hash_log2_entries = o.hash_levels ? 1 + i % 5 : 0;
     o.no_fuse = i / 5 % 4;
     o.linear = i % 7 == 0;
+    o.classes = i % 5 % 2 ? 2 + i % 3 : 0;
     o.base = i % 3 == 2;
     o.n_layers = i % 5 == 3 ? 2 + i % 2 : 1;
     return o;
@@ -302,11 +303,13 @@ TEST(tools_should_cost_nothing_when_off)
         assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
         assert_int_equal(h.header_nbytes,
                          178 + (o.bank ? 15 : 0) + (o.hash_levels ? 3 : 0) +
-                             (o.base ? 16 : 0) +
+                             (o.base ? 16 : 0) + (o.classes ? 13 : 0) +
                              GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,
                          o.bank ? saga_bank_lay(&size, NULL) : 0);
+        assert_int_equal(plan.prims_at - plan.class_models_at,
+                         o.classes ? 1088 : 0);
     }
 }
 

@@ -14,7 +14,7 @@
 #define SAME(a, b, n) assert_memory_equal(a, b, (n) * sizeof *(a))
 
 static void assert_same_symbols(const saga_symbols *a, const saga_symbols *b,
-                                uint32_t features)
+                                const saga_model *m)
 {
     assert_int_equal(a->n.coarse, b->n.coarse);
     assert_int_equal(a->n.fine, b->n.fine);
@@ -23,8 +23,10 @@ static void assert_same_symbols(const saga_symbols *a, const saga_symbols *b,
     SAME(a->split, b->split, a->n_nodes);
     SAME(a->occupancy, b->occupancy, a->n_nodes);
     SAME(a->n_fine, b->n_fine, a->n.coarse);
+    if (m->tools & SAGA_TOOL_CLASSES)
+        SAME(a->class, b->class, a->n.coarse);
     SAME(a->centre, b->centre, 4u * a->n.coarse);
-    SAME(a->feature, b->feature, (size_t)features * a->n.coarse);
+    SAME(a->feature, b->feature, (size_t)m->features * a->n.coarse);
     SAME(a->fine_suffix, b->fine_suffix, a->n.fine);
     SAME(a->fine_offset, b->fine_offset, 4u * a->n.fine);
     SAME(a->n_prim, b->n_prim, a->n.fine);
@@ -89,7 +91,7 @@ static void check_layer(const gen_stream *g, const saga_symbols *want,
 
     assert_true(recorder_read(&nets, &s, number, range, bytes, n));
     assert_same_nets(&nets, &g->nets, &g->header.model);
-    assert_same_symbols(&s, want, g->header.model.features);
+    assert_same_symbols(&s, want, &g->header.model);
 }
 
 /* Decodes a segment from a copy of exact size. */
@@ -136,7 +138,7 @@ static void check_base(const player *p, const gen_stream *g)
     if (!g->has_base)
         return;
     assert_true(recorder_read(&nets, &s, RECORDER_BASE, range, p->bytes, p->n));
-    assert_same_symbols(&s, &g->base, g->header.model.features);
+    assert_same_symbols(&s, &g->base, &g->header.model);
     saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
 }
@@ -166,7 +168,8 @@ static gen_options options_of(uint64_t seed, uint32_t i)
                       .tools = i % 32,
                       .bank = (int)(i / 2 % 3),
                       .base = i % 5 == 1,
-                      .n_layers = i % 7 == 3 ? 2 + i % 2 : 1 };
+                      .n_layers = i % 7 == 3 ? 2 + i % 2 : 1,
+                      .classes = i % 3 ? 0 : 2 + i / 3 % 3 };
 
     return o;
 }

@@ -218,7 +218,8 @@ TEST(stopped_decoder_should_decode_again)
                                 .n_coarse = 16,
                                 .bank = i % 3,
                                 .base = i % 2,
-                                .n_layers = 1 + (uint32_t)i % 3 };
+                                .n_layers = 1 + (uint32_t)i % 3,
+                                .classes = i % 5 < 3 ? 0 : (uint32_t)i % 5 };
 
         g = gen_stream_make(&o);
         stop_everywhere(&g, o.seed);

@@ -167,18 +167,23 @@ enum { NETS_NBYTES_AT = 8 + 4 + 4 + 4 + 4 + 8 + 12 };
 /* The index of the networks' chunk. */
 enum { NETS_CHUNK = 1 };
 
-/* Sets the base's length, which is the last of the header's fields. */
+/* The structure Classes. */
+enum { CLASSES_NBYTES = 13 };
+
+/* Sets the base's length, which only the classes and the rig follow. */
 static void link_base(const mutate_file *f, uint8_t *header)
 {
     saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
-    uint32_t nbytes = 0;
+    uint32_t nbytes = 0, end;
     saga_header h;
 
     for (uint32_t i = 2; i < f->segments; i++)
         nbytes += SAGA_CHUNK_NBYTES + (uint32_t)f->part[i].n;
     saga_header_io(&io, &h);
+    end = saga_rig_offset(&h) -
+          (h.model.tools & SAGA_TOOL_CLASSES ? CLASSES_NBYTES : 0);
     if (f->segments > 2 && (h.model.tools & SAGA_TOOL_BASE))
-        fx_store32_le(header + saga_rig_offset(&h) - 4, nbytes);
+        fx_store32_le(header + end - 4, nbytes);
 }
 
 static uint8_t *join(const mutate_file *f, size_t *n, int link)
@@ -589,6 +594,8 @@ static const member members[] = { ONE(level, 0, 8),
                                   ONE(model.bank_slots, 0, 0),
                                   ONE(model.bank_width, 0, 0),
                                   ONE(model.bank_blocks, 0, 9),
+                                  ONE(model.n_classes, 0, 6),
+                                  EACH(model.classes, 1, 0, 66),
                                   ONE(model.lambda_t_q8, 0, 0),
                                   EACH(model.sources, 1, 0, 16),
                                   EACH(model.step_q16, 4, 0, 0),

@@ -115,6 +115,28 @@ static void make_hash(saga_model *m, uint64_t *r, const gen_options *o)
     make_described(m, r, o, SAGA_NET_RES);
 }
 
+/* Makes random classes: of no feature, of all, or of some, and mostly with one
+ * that is 1. In streams without pictures this feature often saturates. */
+static void make_classes(saga_model *m, uint64_t *r, const gen_options *o)
+{
+    m->tools |= SAGA_TOOL_CLASSES;
+    m->n_classes = (uint8_t)o->classes;
+    for (uint32_t i = 0; i < o->classes; i++) {
+        saga_class *const c = &m->classes[i];
+        const int32_t f = m->features, kind = gen_range(r, 0, 7);
+
+        c->first = (uint8_t)(kind == 0 ? 0 : gen_range(r, 0, f));
+        c->n = (uint8_t)(kind == 1 ? 0 : gen_range(r, 0, f - c->first));
+        if (kind == 0)
+            c->n = (uint8_t)f;
+        do
+            c->one = (uint8_t)gen_range(r, 0, f);
+        while (saga_class_has(*c, c->one));
+    }
+    if (!o->picture && one_in(r, 2))
+        m->out_q[SAGA_OUT_COARSE] = (uint8_t)gen_range(r, 15, SAGA_MAX_OUT_Q);
+}
+
 static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
 {
     int i;
@@ -153,6 +175,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         make_memory(m, r, o);
     if (o->hash_levels)
         make_hash(m, r, o);
+    if (o->classes)
+        make_classes(m, r, o);
 }
 
 /* Changes the model so that the stream draws a picture in which something can
@@ -504,6 +528,21 @@ static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
     return total;
 }
 
+/* Makes the classes of all anchors, in runs, and removes the features that they
+ * lack. */
+static void classify(saga_symbols *s, const saga_model *m, uint64_t *r)
+{
+    s->class = array(s->n.coarse, 1);
+    for (uint32_t i = 0; i < s->n.coarse; i++) {
+        s->class[i] = i && !one_in(r, 3)
+                          ? s->class[i - 1]
+                          : (uint8_t)gen_range(r, 0, m->n_classes - 1);
+        for (uint32_t k = 0; k < m->features; k++)
+            if (!saga_class_has(m->classes[s->class[i]], k))
+                s->feature[(size_t)i * m->features + k] = 0;
+    }
+}
+
 static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
                           const gen_options *o)
 {
@@ -541,6 +580,8 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
     s->prim_suffix = suffixes(s->n_prim, s->n.fine, s->n.prim, l[1].suffix_bits,
                               r);
     s->prim_offset = residuals(4 * (size_t)s->n.prim, r, o->picture);
+    if (o->classes)
+        classify(s, m, r);
 }
 
 /* --- Cameras ------------------------------------------------------------- */

@@ -39,6 +39,7 @@ typedef struct gen_options {
     int bank_alone; /* the bank is the only source of all kinds */
     /* A residual hash: number of tables, 0 for none, and entries of each. */
     uint32_t hash_levels, hash_log2_entries;
+    uint32_t classes;  /* of coarse anchors: 2..4; 0 for no classes */
     uint32_t no_fuse;  /* bit SAGA_TIER_*: no Fuse network for the tier.
                         * 0: both have one, or at random if there is no
                         * picture */

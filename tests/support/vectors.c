@@ -63,7 +63,7 @@ static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l, uint32_t n)
 }
 
 static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
-                             uint32_t features)
+                             const saga_model *m)
 {
     crc = crc_u32(crc, s->n.coarse);
     crc = crc_u32(crc, s->n.fine);
@@ -73,8 +73,10 @@ static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
     for (uint32_t i = 0; i < s->n_nodes; i++)
         crc = crc_u32(crc, s->occupancy[i]);
     crc = crc_u8s(crc, s->n_fine, s->n.coarse);
+    if (m->tools & SAGA_TOOL_CLASSES)
+        crc = crc_u8s(crc, s->class, s->n.coarse);
     crc = crc_i32s(crc, s->centre, 4 * (size_t)s->n.coarse);
-    crc = crc_i32s(crc, s->feature, features * (size_t)s->n.coarse);
+    crc = crc_i32s(crc, s->feature, m->features * (size_t)s->n.coarse);
     crc = crc_u32s(crc, s->fine_suffix, s->n.fine);
     crc = crc_i32s(crc, s->fine_offset, 4 * (size_t)s->n.fine);
     crc = crc_u8s(crc, s->n_prim, s->n.fine);
@@ -84,7 +86,7 @@ static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
 
 uint32_t saga_symbols_crc(const saga_net_symbols *nets, const saga_nets *shapes,
                           const saga_symbols *base, const saga_symbols *s,
-                          uint32_t n_layers, uint32_t features)
+                          uint32_t n_layers, const saga_model *m)
 {
     uint32_t crc = 0;
 
@@ -97,9 +99,9 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets, const saga_nets *shapes,
                             saga_nets_n_finer(shapes, net, i));
         }
     if (base)
-        crc = scaffold_crc(crc, base, features);
+        crc = scaffold_crc(crc, base, m);
     for (int i = 0; i < (int)n_layers; i++)
-        crc = scaffold_crc(crc, &s[i], features);
+        crc = scaffold_crc(crc, &s[i], m);
     return crc;
 }
 

@@ -51,7 +51,7 @@ extern const saga_picture_kind saga_picture_kinds[SAGA_N_PICTURE_KINDS + 1];
  * base (NULL: none), the segment's layers s[0..n_layers). */
 uint32_t saga_symbols_crc(const saga_net_symbols *nets, const saga_nets *shapes,
                           const saga_symbols *base, const saga_symbols *s,
-                          uint32_t n_layers, uint32_t features);
+                          uint32_t n_layers, const saga_model *m);
 
 /* Draws the view of a camera into a picture of all its pixels. */
 saga_status saga_draw_whole(const saga_decoder *dec, const saga_camera *c,

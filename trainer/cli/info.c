@@ -10,6 +10,7 @@
 #include "container.h"
 #include "error.h"
 #include "file.h"
+#include "info_tools.h"
 #include "json_cli.h"
 #include "layout.h"
 #include "model.h"
@@ -37,15 +38,6 @@ typedef struct {
     double unit, centre[3]; /* in the capture's unit of length */
     double metres;          /* metres per unit of the capture; 0: unknown */
 } subject;
-
-#define ROW(word, bit, name, key) { SAGA_TOOL_##word, name, key },
-
-static const struct {
-    uint32_t bit;
-    const char *name, *key;
-} tools[] = { SAGA_TOOL_LIST(ROW) SAGA_TOOL_LATER_LIST(ROW) };
-
-enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };
 
 static double seconds_of(const subject *s, uint32_t n_frames)
 {
@@ -112,26 +104,6 @@ static void put_header(json_t *o, const subject *s)
     saga_put_real(o, "seconds", s->seconds);
     put_rate(o, s, s->layout.file_nbytes, i->n_frames);
     saga_put_flag(o, "/still", i->n_frames == 1);
-}
-
-/* Returns which tools the file uses. `line` receives their names for the text,
- * with commas between them. */
-static json_t *tools_of(const saga_info *info, json_t *line)
-{
-    json_t *const o = json_object();
-    bool any = info->motion_order > 0;
-
-    for (int i = 0; i < N_TOOLS; i++) {
-        const bool has = info->tools & tools[i].bit;
-
-        saga_put_flag(o, tools[i].key, has);
-        if (has)
-            saga_put_item(line, json_pack("{ssss}", "comma", any ? ", " : "",
-                                          "name", tools[i].name));
-        any = any || has;
-    }
-    put(o, "motion_order", info->motion_order);
-    return o;
 }
 
 static json_t *decoding_of(const saga_info *i)
@@ -375,8 +347,9 @@ static json_t *report_of(const subject *s)
     json_t *const line = json_array();
 
     put_header(o, s);
-    saga_put(o, "tools", tools_of(&s->info, line));
+    saga_put(o, "tools", saga_info_tools(&s->info, line));
     saga_put(o, "/tools", line);
+    saga_put(o, "classes", saga_info_classes(s->bytes));
     saga_put(o, "decoding", decoding_of(&s->info));
     saga_put(o, "metric", metric_of(s));
     saga_put(o, "exposure", exposure_of(s));
@@ -407,7 +380,13 @@ static const saga_line text[] = {
     { "!tools.motion_order&!/tools", NULL, "none" },
     { "", NULL,
       "\nnetworks    {decoding.n_weights} weights, {decoding.features} feature "
-      "channels\n"
+      "channels\n" },
+    { "classes", NULL, "classes     of coarse anchors, by what they have:\n" },
+    { "", "classes",
+      "            {n_features} feature{n_features+s} from {first} on" },
+    { "/has_one", "classes", ", and feature {one}, which is 1" },
+    { "", "classes", "\n" },
+    { "", NULL,
       "at most     {decoding.max_coarse} coarse anchors, {decoding.max_fine} "
       "fine anchors" },
     { "decoding.n_layers>1", NULL, " a layer" },

@@ -155,6 +155,8 @@ saga_component saga_component_of(uint32_t sym)
     case SAGA_SYM_OCCUPANCY:
     case SAGA_SYM_N_FINE:
         return SAGA_COMPONENT_TREE;
+    case SAGA_SYM_CLASS:
+        return SAGA_COMPONENT_CLASS;
     case SAGA_SYM_CENTRE:
         return SAGA_COMPONENT_CENTRE;
     case SAGA_SYM_FEATURE:
@@ -177,11 +179,11 @@ saga_component saga_component_of(uint32_t sym)
 const char *saga_component_name(saga_component c)
 {
     static const char *const names[SAGA_N_COMPONENTS] = {
-        "networks",         "tree",
-        "coarse centres",   "coarse features",
-        "fine suffixes",    "fine offsets",
-        "primitive counts", "primitive suffixes",
-        "primitive offsets"
+        "networks",           "tree",
+        "coarse classes",     "coarse centres",
+        "coarse features",    "fine suffixes",
+        "fine offsets",       "primitive counts",
+        "primitive suffixes", "primitive offsets"
     };
 
     return names[c];
@@ -190,11 +192,11 @@ const char *saga_component_name(saga_component c)
 const char *saga_component_key(saga_component c)
 {
     static const char *const keys[SAGA_N_COMPONENTS] = {
-        "networks",         "tree",
-        "coarse_centres",   "coarse_features",
-        "fine_suffixes",    "fine_offsets",
-        "primitive_counts", "primitive_suffixes",
-        "primitive_offsets"
+        "networks",           "tree",
+        "coarse_classes",     "coarse_centres",
+        "coarse_features",    "fine_suffixes",
+        "fine_offsets",       "primitive_counts",
+        "primitive_suffixes", "primitive_offsets"
     };
 
     return keys[c];

@@ -54,6 +54,7 @@ typedef enum saga_component {
     SAGA_COMPONENT_NETWORKS,
     SAGA_COMPONENT_TREE, /* splits, occupancy, numbers of fine
                           * anchors */
+    SAGA_COMPONENT_CLASS,
     SAGA_COMPONENT_CENTRE,
     SAGA_COMPONENT_FEATURE,
     SAGA_COMPONENT_FINE_SUFFIX,

@@ -63,9 +63,26 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     }
 }
 
+/* Tells whether an anchor's class exists and has all its features that are not
+ * 0. */
+static int features_are_clean(const saga_symbols *s, uint32_t rank,
+                              const saga_model *m)
+{
+    const uint32_t class = s->class ? s->class[rank] : 0;
+    const int32_t *const q = s->feature + (size_t)rank * m->features;
+    uint32_t i;
+
+    if (class && class >= m->n_classes)
+        return 0;
+    for (i = 0; i < m->features; i++)
+        if (q[i] && !saga_class_has(saga_class_of(m, class), i))
+            return 0;
+    return 1;
+}
+
 /* Tells whether all bits of the symbols will be coded. Bits for which the
- * traversal never asks, such as children that a split does not have or suffixes
- * outside their grid, would be lost. */
+ * traversal never asks, such as children that a split does not have, features
+ * that a class lacks or suffixes outside their grid, would be lost. */
 static int symbols_are_clean(const saga_symbols *s, const saga_model *m)
 {
     static const uint32_t children[4] = { 0, 0xff, 0x3, 0xffff };
@@ -75,6 +92,9 @@ static int symbols_are_clean(const saga_symbols *s, const saga_model *m)
 
     for (i = 0; i < s->n_nodes; i++)
         if (s->split[i] > 3 || (s->occupancy[i] & ~children[s->split[i]]))
+            return 0;
+    for (i = 0; i < s->n.coarse; i++)
+        if (!features_are_clean(s, i, m))
             return 0;
     for (i = 0; i < s->n.fine; i++)
         if ((uint64_t)s->fine_suffix[i] >> bits[0])
@@ -274,6 +294,9 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->fine_feature = saga_calloc(n.fine, feature, what, error);
     sc->prim_offset = saga_calloc(n.prim, sizeof *sc->prim_offset, what, error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
+    if (model->tools & SAGA_TOOL_CLASSES)
+        sc->class_models = saga_calloc(1, sizeof *sc->class_models, what,
+                                       error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
     /* The bank is laid out twice: first to find its size, and then in the
      * memory. */
@@ -296,6 +319,7 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->fine_feature);
     free(sc->prim_offset);
     free(sc->models);
+    free(sc->class_models);
     free(sc->net.v);
     free(sc->bank.slot);
 }

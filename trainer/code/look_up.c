@@ -25,6 +25,8 @@ uint32_t saga_look_up(const saga_symbols *s, saga_at at, uint32_t n_sym)
         return (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
     case SAGA_SYM_N_FINE:
         return s->n_fine[at.index];
+    case SAGA_SYM_CLASS:
+        return s->class ? s->class[at.index] : 0;
     case SAGA_SYM_N_PRIM:
         return s->n_prim[at.index];
     case SAGA_SYM_FINE_SUFFIX:
@@ -41,7 +43,7 @@ int32_t *saga_look_up_block(const saga_symbols *s, saga_at at,
     case SAGA_SYM_CENTRE:
         return s->centre + 4 * (size_t)at.index;
     case SAGA_SYM_FEATURE:
-        return s->feature + features * (size_t)at.index;
+        return s->feature + features * (size_t)at.index + at.column;
     case SAGA_SYM_FINE_OFFSET:
         return s->fine_offset + 4 * (size_t)at.index;
     default:

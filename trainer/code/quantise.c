@@ -47,7 +47,7 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
 
     if (value)
         return at.sym == SAGA_SYM_FEATURE
-                   ? value[(size_t)at.index * m->features + i]
+                   ? value[(size_t)at.index * m->features + at.column + i]
                    : value[4 * (size_t)at.index + i];
     /* Positions are offsets in Q14: 16384 is a half-size or a support. */
     switch (at.sym) {
@@ -56,8 +56,10 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
         return 16384 *
                cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index, i);
     case SAGA_SYM_FEATURE:
-        return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
-                     m->out_q[SAGA_OUT_COARSE]);
+        return ldexp(
+            (double)
+                l->t->feature[(size_t)at.index * m->features + at.column + i],
+            m->out_q[SAGA_OUT_COARSE]);
     case SAGA_SYM_FINE_OFFSET:
         saga_position_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
         return 16384 *
