@@ -55,16 +55,32 @@ static void add_channels(order0_row *row, const int32_t *v, size_t channels,
         order0_channel(row, v + c, channels, n);
 }
 
+/* Adds the values of each channel of a step, those that are coded. */
 static void add_values(order0_row *row, const ref_file *f, int step)
 {
     const size_t channels = ref_file_channels(f, step);
-    const size_t n = channels * ref_file_rows(f, step);
-    FREED int32_t *const v = must(calloc(n + 1, sizeof *v));
+    const size_t rows = ref_file_rows(f, step);
+    FREED int32_t *const v = must(calloc(rows + 1, sizeof *v));
 
-    for (size_t i = 0; i < n; i++)
-        v[i] = (int32_t)lrint(f->value[step][i] * 65536.0 /
-                              f->h.model.step_q16[step]);
-    add_channels(row, v, channels, n / channels);
+    for (size_t c = 0; c < channels; c++) {
+        size_t n = 0;
+
+        for (size_t i = 0; i < rows; i++)
+            if (ref_file_is_coded(f, step, i * channels + c))
+                v[n++] = (int32_t)lrint(f->value[step][i * channels + c] *
+                                        65536.0 / f->h.model.step_q16[step]);
+        order0_channel(row, v, 1, n);
+    }
+}
+
+static void add_classes(order0_row *row, const ref_file *f)
+{
+    FREED int32_t *const v = must(calloc(f->s.n.coarse + 1u, sizeof *v));
+
+    for (uint32_t i = 0; i < f->s.n.coarse; i++)
+        v[i] = f->s.class[i];
+    if (f->h.model.n_classes)
+        order0_channel(row, v, 1, f->s.n.coarse);
 }
 
 /* Adds the tree as a list of leaves in the order of decoding. A leaf has its
@@ -110,7 +126,8 @@ static void add_counts(order0_row *row, const ref_file *f)
 int order0_is_structure(saga_component c)
 {
     return c == SAGA_COMPONENT_TREE || c == SAGA_COMPONENT_FINE_SUFFIX ||
-           c == SAGA_COMPONENT_N_PRIM || c == SAGA_COMPONENT_PRIM_SUFFIX;
+           c == SAGA_COMPONENT_N_PRIM || c == SAGA_COMPONENT_CLASS ||
+           c == SAGA_COMPONENT_PRIM_SUFFIX;
 }
 
 void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
@@ -122,6 +139,7 @@ void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
     for (int i = 0; i < SAGA_N_COMPONENTS; i++)
         row[i] = (order0_row){ 0, saga[i], 0, 0 };
     add_tree(&row[SAGA_COMPONENT_TREE], f);
+    add_classes(&row[SAGA_COMPONENT_CLASS], f);
     add_values(&row[SAGA_COMPONENT_CENTRE], f, SAGA_STEP_CENTRE);
     add_values(&row[SAGA_COMPONENT_FEATURE], f, SAGA_STEP_FEATURE);
     add_suffixes(&row[SAGA_COMPONENT_FINE_SUFFIX], f->s.fine_suffix,

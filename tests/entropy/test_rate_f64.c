@@ -139,7 +139,7 @@ static void check_supports(rate_scene *f, const real *d_log2_support)
     check_range(f, "supports", f->w.support, d, n);
 }
 
-/* Checks all gradients. tools: those of the bank. */
+/* Checks all gradients. tools: those of the bank, or SAGA_TOOL_CLASSES. */
 static void check_gradients(uint8_t keep, uint32_t tools)
 {
     FREED_BY(rate_scene_free) rate_scene f;
@@ -148,7 +148,9 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     size_t n_fine, n_support, n_params;
 
     rate_scene_model(&m);
-    if (tools)
+    if (tools == SAGA_TOOL_CLASSES)
+        rate_scene_classes(&m);
+    else if (tools)
         rate_scene_bank(&m, tools);
     rate_scene_make(&f, &m, 1);
     f.o.remember = true;
@@ -167,7 +169,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
                 f.s.n.coarse * (size_t)f.s.model.features);
     check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
     check_range(&f, "networks", f.s.params, f.d.params, n_params);
-    for (int i = SAGA_NET_QUERY; tools && i <= SAGA_NET_WRITE; i++)
+    for (int i = SAGA_NET_QUERY; i <= SAGA_NET_WRITE && m.bank_slots; i++)
         check_range(&f, "a network of the memory", f.s.net[i].w[0],
                     f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
     free(d_support);
@@ -179,6 +181,14 @@ TEST(rate_gradients_should_match_differences)
     check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS,
                     0);
     check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, 0);
+}
+
+/* Features that an anchor's class lacks cost nothing, but networks may read
+ * them. */
+TEST(gradients_of_classes_should_match_differences)
+{
+    check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_CLASSES);
+    check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, SAGA_TOOL_CLASSES);
 }
 
 /* Gradients must flow through the memory bank and all its updates, orthogonal

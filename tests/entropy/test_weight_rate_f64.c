@@ -113,6 +113,32 @@ TEST(steps_should_begin_fine)
     assert_float_equal(f.w.log2_step[5], -5, 1e-9);
 }
 
+/* A network that is fixed must stay as it is, without noise, bits or
+ * gradients. */
+TEST(fixed_weights_should_stay)
+{
+    static fixture f;
+    real d[N_PARAMS];
+    size_t first, end;
+
+    begin(&f);
+    saga_weights_fix(&f.w, SECOND);
+    first = f.w.tensor[4].at;
+    end = f.w.tensor[6].at;
+    saga_weights_start(&f.w, f.x);
+    assert_true(f.w.log2_step[4] == 0);
+    assert_true(f.w.log2_step[5] == -SAGA_FIXED_BIAS);
+    memcpy(f.y, f.x, sizeof f.y);
+    saga_weights_noise(f.y, f.x, &f.w, 0, 0.5, 3);
+    for (size_t i = 0; i < N_PARAMS; i++)
+        d[i] = 1;
+    saga_weights_rate(d, &f.w, f.y, f.x, 1);
+    for (size_t i = 0; i < N_PARAMS; i++)
+        assert_int_equal(f.y[i] == f.x[i] && d[i] == 0, i >= first && i < end);
+    for (int t = 4; t < 6; t++)
+        assert_true(f.w.bits[t] == 0 && f.w.d_log2_step[t] == 0);
+}
+
 /* --- Noise --------------------------------------------------------------- */
 
 /* Noise must be uniform in +-noise step / 2, with a variance of

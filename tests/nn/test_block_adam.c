@@ -31,8 +31,8 @@ static blocks make(size_t n, float rate)
                  reals(n * WIDTH * WIDTH), reals(n * SAGA_BLOCK_RECENT * WIDTH),
                  reals(n * WIDTH * WIDTH), { 0 } };
 
-    s.b = (saga_block_adam){ s.x,      s.g,    s.m, s.v,   s.covariance,
-                             s.recent, s.axes, n,   WIDTH, rate };
+    s.b = (saga_block_adam){ s.x,      s.g,    NULL, s.m,   s.v,   s.covariance,
+                             s.recent, s.axes, n,    WIDTH, WIDTH, rate };
     saga_block_adam_begin(&s.b);
     return s;
 }
@@ -73,6 +73,46 @@ TEST(blocks_should_step_as_adam_before_they_turn)
         assert_true(fabs((double)(x[i] - s.x[i])) < 1e-6);
     free(x);
     free(m);
+}
+
+/* Blocks of 5 of 11 numbers must take the steps of blocks of 8 whose last three
+ * have no gradient, and leave all other numbers as they are. They turn twice in
+ * the steps. */
+TEST(blocks_should_be_a_part_of_their_rows)
+{
+    enum { N = 30, ROW = 11, FIRST = 4, HAS = 5, STEPS = 120 };
+    const saga_adam adam = saga_adam_default();
+    const saga_rng r = saga_rng_stream(7, 2);
+    FREED_BY(drop) blocks whole = make(N, 0.01f);
+    FREED_BY(drop) blocks part = make(N, 0.01f);
+    saga_block_span span[N];
+    float x[N * ROW], g[N * ROW];
+
+    for (size_t i = 0; i < N; i++)
+        span[i] = (saga_block_span){ FIRST, HAS };
+    for (size_t i = 0; i < N * ROW; i++)
+        x[i] = 7;
+    for (size_t i = 0; i < N * WIDTH; i++)
+        whole.x[i] = 7;
+    part.b.x = x;
+    part.b.g = g;
+    part.b.span = span;
+    part.b.stride = ROW;
+    for (uint64_t step = 1; step <= STEPS; step++) {
+        for (size_t i = 0; i < N * ROW; i++)
+            g[i] = (float)saga_rng_normal(r, step * N * ROW + i);
+        for (size_t i = 0; i < N; i++)
+            memcpy(whole.g + i * WIDTH, g + i * ROW + FIRST, HAS * sizeof *g);
+        saga_block_adam_update(&whole.b, &adam, step);
+        saga_block_adam_update(&part.b, &adam, step);
+    }
+    for (size_t i = 0; i < N * ROW; i++) {
+        const size_t k = i % ROW;
+
+        assert_true(x[i] == (k >= FIRST && k < FIRST + HAS
+                                 ? whole.x[i / ROW * WIDTH + k - FIRST]
+                                 : 7));
+    }
 }
 
 /* Sets q to a rotation: turns by these angles in planes of neighbours. */

@@ -44,6 +44,14 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
             m->width[saga_fuse_net(i)] = 0;
 }
 
+/* Makes parameters random, which keeps biases away from 0 and colours away from
+ * their limits. */
+static void shake(saga_scene *s, saga_rng r, uint64_t k)
+{
+    for (uint32_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
+        s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
+}
+
 /* Makes a scene with two cells of a split root, five fine anchors and eleven
  * primitives. */
 static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
@@ -80,10 +88,7 @@ static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
     }
     for (uint32_t i = 0; i < 2u * m.features; i++)
         s->coarse_feature[i] = saga_rng_normal(r, k++);
-    /* Random parameters keep biases away from 0 and colours away from their
-     * limits. */
-    for (uint32_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
-        s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
+    shake(s, r, k);
 }
 
 /* Returns the loss: the sum over views of c . colour, and c . everything else.
@@ -281,6 +286,78 @@ TEST(twin_gradients_should_match_differences_with_a_hash)
 {
     run_gradient(SAGA_TOOLS_PICTURE | SAGA_TOOL_HASH, 0, false);
     run_gradient(SAGA_TOOL_HASH, 3, false);
+}
+
+/* Makes a scene whose fine anchors each have a coarse anchor of their own, in a
+ * row of cells, and whose F_fine is an identity of one layer. */
+static void make_own_scene(saga_scene *s)
+{
+    const saga_counts n = { N_FINE, N_FINE, N_PRIM };
+    saga_scene shared;
+    saga_model m;
+    saga_net *net;
+
+    make_scene(&shared, SAGA_TOOLS_PICTURE, 3);
+    m = shared.model;
+    m.tier[SAGA_TIER_COARSE].neighbours = 1;
+    m.width[SAGA_NET_FINE] = 0;
+    assert_done(saga_scene_init(s, &m, n, 1, 77, &error));
+    for (uint32_t i = 0; i < N_FINE; i++) {
+        s->coarse[i].depth_x = 3;
+        s->coarse[i].cell[0] = (uint16_t)i;
+        s->coarse[i].n_fine = 1;
+        s->coarse[i].first_fine = s->fine[i].parent = i;
+        saga_scene_cell(s->coarse_x + 4 * i, &s->coarse[i]);
+        saga_scene_cell(s->fine_x + 4 * i, &s->coarse[i]);
+    }
+    for (uint32_t i = 0; i < N_PRIM; i++) {
+        s->prim_fine[i] = i * N_FINE / N_PRIM;
+        memcpy(s->prim_x + 4 * i, s->fine_x + 4 * s->prim_fine[i],
+               4 * sizeof *s->prim_x);
+    }
+    for (uint32_t i = 0; i < N_FINE * m.features; i++)
+        s->coarse_feature[i] = saga_rng_normal(saga_rng_stream(5, 1), i);
+    shake(s, saga_rng_stream(5, 2), 0);
+    net = &s->net[SAGA_NET_FINE];
+    memset(net->w[0], 0, saga_net_n_params(net) * sizeof(real));
+    for (uint32_t i = 0; i < m.features; i++)
+        net->w[0][i * (uint32_t)net->dim[0] + i] = 1;
+    for (uint32_t k = 0; k < 4; k++)
+        net->b[0][m.features + k] = -1.5 + 0.2 * k;
+    saga_scene_free(&shared);
+}
+
+/* Where F_fine passes features on, it is not computed. The gradients of
+ * features must be those of the computation, which a weight that is not quite 0
+ * brings about. */
+TEST(features_that_pass_should_be_those_of_the_network)
+{
+    saga_scene s, d[2];
+    saga_net *net;
+
+    make_own_scene(&s);
+    net = &s.net[SAGA_NET_FINE];
+    for (int computed = 0; computed < 2; computed++) {
+        FREED_BY(saga_twin_free) saga_twin w;
+
+        net->w[0][1] = computed ? 1e-200 : 0;
+        assert_done(saga_scene_init(&d[computed], &s.model, s.n, 1, 0, &error));
+        memset(d[computed].reals, 0, d[computed].n_reals * sizeof(real));
+        assert_done(saga_twin_init(&w, &s, &error));
+        assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+        assert_int_equal(w.passes, !computed);
+        gradient(&w, &d[computed], &s);
+        if (!computed)
+            check_range(&w, &s, &d[0], s.coarse_feature,
+                        N_FINE * (size_t)s.model.features, 1);
+        memcpy(s.prim_x, clean, sizeof clean);
+    }
+    for (size_t i = 0; i < N_FINE * (size_t)s.model.features; i++)
+        assert_float_equal(d[0].coarse_feature[i], d[1].coarse_feature[i],
+                           1e-12);
+    for (int i = 0; i < 2; i++)
+        saga_scene_free(&d[i]);
+    saga_scene_free(&s);
 }
 
 /* A format of 16 bits with 8 fractional bits ends at 127.996. A motion of 300

@@ -63,6 +63,16 @@ static inline void rate_scene_bank(saga_model *m, uint32_t tools)
         m->sources[i] |= SAGA_SOURCE_BANK;
 }
 
+/* Adds two classes of coarse anchors to the model, which have two and three of
+ * the six features. */
+static inline void rate_scene_classes(saga_model *m)
+{
+    m->tools |= SAGA_TOOL_CLASSES;
+    m->n_classes = 2;
+    m->classes[0] = (saga_class){ .first = 0, .n = 2, .one = 6 };
+    m->classes[1] = (saga_class){ .first = 2, .n = 3, .one = 5 };
+}
+
 static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 {
     uint64_t k = 0;
@@ -75,6 +85,7 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
             c->cell[2 - b % 3] = (uint16_t)(c->cell[2 - b % 3] | (i >> b & 1u)
                                                                      << b / 3);
         c->group = (uint8_t)(i % 3);
+        c->class = s->model.n_classes ? (uint8_t)(i / 2 % 2) : 0;
         c->n_fine = 3;
         c->first_fine = 3 * i;
         saga_scene_cell(s->coarse_x + 4 * (size_t)i, c);

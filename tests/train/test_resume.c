@@ -8,6 +8,7 @@
 #include "save_header.h"
 #include "testing.h"
 #include "threads.h"
+#include "fx.h"
 #include "tiny_training.h"
 #include "view.h"
 
@@ -165,6 +166,22 @@ static saga_train_options of_a_price(void)
     return o;
 }
 
+/* So many primitives have classes of anchors. */
+static saga_train_options of_classes(void)
+{
+    saga_train_options o = tiny_defaults();
+
+    o.n_primitives = 1000;
+    return o;
+}
+
+/* Tells whether a file has SAGA_TOOL_CLASSES. */
+static int has_classes(const trained *file)
+{
+    /* Byte 72 of the header is the lowest of `tools`. */
+    return (int)(fx_load32_le(file->bytes + 72) / SAGA_TOOL_CLASSES & 1u);
+}
+
 #define WARM(n)                  \
     {                            \
         SAGA_TRAIN_WARM, n, 0, 0 \
@@ -223,6 +240,11 @@ TEST(train_should_resume_to_the_same_file)
           150 / 8,
           149,
           { WARM(TINY_WARM / 4), WARM(TINY_WARM), END } },
+        { "classes",
+          of_classes,
+          1000,
+          1000,
+          { WARM(TINY_WARM), RENDER(1), RENDER(44), PACK, END } },
     };
 
     for (size_t i = 0; i < sizeof trainings / sizeof trainings[0]; i++) {
@@ -241,6 +263,7 @@ TEST(train_should_resume_to_the_same_file)
         assert_in_range(whole.report.n.prim, trainings[i].least,
                         trainings[i].most);
         assert_int_equal(tiny_same(&whole, &plain), i < 2);
+        assert_int_equal(has_classes(&whole), trainings[i].most >= 1000);
         stopped = interrupt(o, &whole, trainings[i].at);
         while (trainings[i].at[n].stage != SAGA_TRAIN_N_STAGES)
             n++;

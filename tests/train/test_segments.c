@@ -368,6 +368,32 @@ static void float_should_be_what_is_decoded(void **state)
     saga_train_free(t);
 }
 
+/* The maps of classes, which the first segment makes, must serve the others. In
+ * the base all anchors are of the still class. */
+static void classes_should_serve_all_segments(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small(f);
+    stop base = { SAGA_TRAIN_BASE, SAGA_TRAIN_PACK, 0 };
+    double near;
+    saga_train *t;
+    slice s;
+
+    o.n_primitives = 1000;
+    t = stopped(f, &s, &o, &base);
+    assert_int_equal(t->render.scene.model.n_classes, 2);
+    for (uint32_t i = 0; i < t->render.scene.n.coarse; i++)
+        assert_int_equal(t->render.scene.coarse[i].class, SAGA_CLASS_STILL);
+    saga_train_free(t);
+    o.progress = NULL;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_DONE);
+    near = near_decoder(t);
+    print_message("decoder: %.1f dB beside the float models\n", near);
+    assert_true(near > 45);
+    saga_train_free(t);
+}
+
 static void networks_should_stay_what_they_are(void **state)
 {
     const fixture *const f = *state;
@@ -699,6 +725,7 @@ int main(void)
         cmocka_unit_test(segment_should_play_from_its_own_bytes),
         cmocka_unit_test(base_should_be_in_the_head),
         cmocka_unit_test(float_should_be_what_is_decoded),
+        cmocka_unit_test(classes_should_serve_all_segments),
         cmocka_unit_test(networks_should_stay_what_they_are),
         cmocka_unit_test(train_should_resume_to_the_same_file),
         cmocka_unit_test(base_should_make_bits_cheaper),

@@ -337,19 +337,19 @@ static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
                           int part)
 {
     /* An adaptive symbol takes less than 2 bytes, a residual less than 6. A
-     * node has a split and up to 16 bits of occupancy, a leaf 4 + F
+     * node has a split and up to 16 bits of occupancy, a leaf a class and 4 + F
      * residuals. */
     if (part == 0)
         return 64 + 34 * (size_t)s->n_nodes +
-               6 * (size_t)s->n.coarse * (5u + e->header.model.features);
+               6 * (size_t)s->n.coarse * (6u + e->header.model.features);
     return 64 + (6 * 5 + 64) * (size_t)(part == 1 ? s->n.fine : s->n.prim) +
            2 * (size_t)s->n.coarse;
 }
 
 /* Appends a chunk and sets *size to the bytes of its payload. */
-static bool ensaga_syntax_part(saga_encoder *e, saga_buffer *to, size_t *size,
-                               const saga_scaffold *sc, const saga_symbols *s,
-                               int part, saga_error *error)
+static bool encode_part(saga_encoder *e, saga_buffer *to, size_t *size,
+                        const saga_scaffold *sc, const saga_symbols *s,
+                        int part, saga_error *error)
 {
     static const uint32_t type[3] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
                                       SAGA_CHUNK_PRIM };
@@ -389,7 +389,7 @@ bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
      * chunks. */
     saga_syntax_begin(&sc);
     for (part = 0; part < 3 && ok; part++)
-        ok = ensaga_syntax_part(e, to, &size[part], &sc, s, part, error);
+        ok = encode_part(e, to, &size[part], &sc, s, part, error);
     saga_scaffold_free(&sc);
     return ok;
 }

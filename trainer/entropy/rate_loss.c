@@ -198,27 +198,33 @@ static void add_block(const job *j, size_t at, uint32_t block)
     double y[SAGA_RATE_ROW];
     saga_rate_row cost;
     const size_t rows = saga_rate_read_block(y, j->r, j->x, j->kind, block);
-    size_t row, c, i;
+    const saga_class has = saga_rate_class(j->x->scene, j->kind, block);
+    size_t row, c, i, n = 0;
 
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
+            if (!saga_rate_has(has, c))
+                continue;
             /* v = (y - mu) / step, whose normal distribution has mean 0. */
-            cost.v[i] = R(steps_from_mu(j, block, i, c, y[i] - (double)mu[c]));
-            cost.log2_sigma[i] = k->log2_sigma[at * channels + c];
+            cost.v[n] = R(steps_from_mu(j, block, i, c, y[i] - (double)mu[c]));
+            cost.log2_sigma[n++] = k->log2_sigma[at * channels + c];
         }
-    saga_rate_cost_row(&cost, i);
+    saga_rate_cost_row(&cost, n);
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
     memset(d_mu, 0, channels * sizeof *d_mu);
     memset(d_log2_sigma, 0, channels * sizeof *d_log2_sigma);
-    for (row = 0, i = 0; row < rows; row++)
-        for (c = 0; c < channels; c++, i++) {
+    for (row = 0, n = 0; row < rows; row++)
+        for (c = 0; c < channels; c++) {
+            double d;
+
+            if (!saga_rate_has(has, c))
+                continue;
             /* y and mu get opposite gradients. `weight` is larger by the number
              * of blocks for which this block stands. */
-            const double d = weight * (double)cost.d_v[i] / j->step[c];
-
-            bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[i];
+            d = weight * (double)cost.d_v[n] / j->step[c];
+            bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[n];
             d_mu[c] -= R(d);
-            d_log2_sigma[c] += R(weight * (double)cost.d_log2_sigma[i]);
+            d_log2_sigma[c] += R(weight * (double)cost.d_log2_sigma[n++]);
             learn_value(j, block, row, c, d);
         }
 }
@@ -365,6 +371,7 @@ static void code_block(const coding *c, size_t i)
     double *const bits = c->r->row_bits + i * SAGA_N_STEPS;
     double y[SAGA_RATE_ROW];
     const size_t rows = saga_rate_read_block(y, c->r, c->x, c->kind, block);
+    const saga_class has = saga_rate_class(c->x->scene, c->kind, block);
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
     for (size_t j = 0; j < rows * channels; j++) {
@@ -372,6 +379,8 @@ static void code_block(const coding *c, size_t i)
         /* All primitives of a fine anchor share mu and sigma. */
         const size_t p = i * channels + channel;
 
+        if (!saga_rate_has(has, channel))
+            continue;
         bits[saga_rate_step_of(c->kind, channel)] += code_value(
             &y[j], m, c->kind, channel, k->mu[p], k->log2_sigma[p]);
     }

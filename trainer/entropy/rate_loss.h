@@ -136,6 +136,7 @@ static inline void saga_rate_look(saga_rate_options *o, int turn, bool remember)
 #define saga_rate_refresh SAGA_REAL_NAME(saga_rate_refresh)
 #define saga_rate_measure SAGA_REAL_NAME(saga_rate_measure)
 #define saga_rate_start SAGA_REAL_NAME(saga_rate_start)
+#define saga_rate_keep_lacking SAGA_REAL_NAME(saga_rate_keep_lacking)
 #define saga_rate_round SAGA_REAL_NAME(saga_rate_round)
 #define saga_rate_prim_step SAGA_REAL_NAME(saga_rate_prim_step)
 #define saga_rate_round_offset SAGA_REAL_NAME(saga_rate_round_offset)
@@ -180,6 +181,10 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
  * different from each other, and its gates at 1/8. Fine offsets lose all
  * sources if their step makes all of them 0. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
+
+/* Sets features that their anchor's class lacks to the scene's, for a range of
+ * `to` (coarse, F): they are not coded, and stay as they are. */
+void saga_rate_keep_lacking(real *to, const saga_scene *s, saga_range of);
 
 /* Rounds a range of the n.coarse F features to the nearest values that can be
  * coded. */

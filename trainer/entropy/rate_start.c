@@ -31,12 +31,13 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
     for (b = 0; b < n; b += 1 + n / 1024) {
         double y[SAGA_RATE_ROW];
         const size_t rows = saga_rate_read_block(y, r, x, kind, b);
+        const saga_class class = saga_rate_class(x->scene, kind, b);
 
         for (i = 0; i < rows * channels; i++) {
             const size_t c = i % channels;
 
             /* The bits of a settled channel are not needed any more. */
-            if (!settled[c])
+            if (!settled[c] && saga_rate_has(class, c))
                 bits[c] += saga_rate_bits(
                                (y[i] - (double)r->constants.mean[kind][c]) /
                                    saga_rate_step_size(m, kind, c),
@@ -86,26 +87,29 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
                                     x->scene->coarse_feature };
     const size_t channels = saga_n_channels(m, kind);
     double sum[SAGA_RATE_ROW] = { 0 }, square[SAGA_RATE_ROW] = { 0 };
-    size_t n = 0, b, i;
+    size_t n[SAGA_RATE_ROW] = { 0 }, b, i;
 
     if (r->decision.given)
         return;
     for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
         double y[SAGA_RATE_ROW];
         const size_t rows = saga_rate_read_block(y, r, &clean, kind, b);
+        const saga_class class = saga_rate_class(x->scene, kind, b);
 
         for (i = 0; i < rows * channels; i++) {
-            sum[i % channels] += y[i];
-            square[i % channels] += y[i] * y[i];
+            const size_t c = i % channels;
+            const bool has = saga_rate_has(class, c);
+
+            sum[c] += has ? y[i] : 0;
+            square[c] += has ? y[i] * y[i] : 0;
+            n[c] += has;
         }
-        n += rows;
     }
     for (i = 0; i < channels; i++) {
-        /* A kind without blocks divides by 1. */
-        const double mean = saga_rate_is_anchor(kind, i)
-                                ? 0
-                                : sum[i] / (double)(n + !n);
-        const double spread = square[i] / (double)(n + !n) - mean * mean;
+        /* A channel that no block has divides by 1. */
+        const double count = (double)(n[i] + !n[i]);
+        const double mean = saga_rate_is_anchor(kind, i) ? 0 : sum[i] / count;
+        const double spread = square[i] / count - mean * mean;
         const double step = saga_rate_step_size(m, kind, i);
 
         r->constants.mean[kind][i] = R(mean);

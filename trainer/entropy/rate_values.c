@@ -71,6 +71,22 @@ static double nearest(double x, double mu, double step)
     return mu + floor((x - mu) / step + 0.5) * step;
 }
 
+void saga_rate_keep_lacking(real *to, const saga_scene *s, saga_range of)
+{
+    const size_t f = s->model.features;
+
+    /* Row by row, since a division takes as long as a row. */
+    for (size_t i = of.begin; i < of.end && s->model.n_classes;) {
+        const size_t row = i / f;
+        const size_t end = (row + 1) * f < of.end ? (row + 1) * f : of.end;
+        const saga_class has = saga_scene_class(s, row);
+
+        for (; i < end; i++)
+            if (!saga_class_has(has, (uint32_t)(i - row * f)))
+                to[i] = s->coarse_feature[i];
+    }
+}
+
 void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
                      saga_range of)
 {
@@ -80,6 +96,7 @@ void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
     for (i = of.begin; i < of.end; i++)
         to[i] = R(nearest((double)s->coarse_feature[i],
                           (double)r->mu_feature[i], step));
+    saga_rate_keep_lacking(to, s, of);
 }
 
 double saga_rate_prim_step(const saga_scene *s)

@@ -20,6 +20,22 @@ double saga_rate_step_size(const saga_model *m, int kind, size_t c);
 size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
                             const saga_rate_input *x, int kind, size_t block);
 
+/* Returns the class of a block, which is that of a coarse anchor; other kinds
+ * have no features. */
+static inline saga_class saga_rate_class(const saga_scene *s, int kind,
+                                         size_t block)
+{
+    return kind == SAGA_KIND_COARSE ? saga_scene_class(s, block)
+                                    : (saga_class){ 0, 0, 0 };
+}
+
+/* Tells whether channel c of a block of a class is coded. The first four always
+ * are, and then come the features. */
+static inline bool saga_rate_has(saga_class class, size_t c)
+{
+    return c < 4 || saga_class_has(class, (uint32_t)c - 4);
+}
+
 /* Keeps a block's mu, rounded to the values' format as in the coder. Values are
  * later rounded against it. */
 void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,

@@ -32,11 +32,18 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
 
             add_tensor(w, (saga_weight_tensor){
                               i, k, (size_t)(net[i].w[k] - params), rows,
-                              (size_t)net[i].dim[k], int8[i] });
+                              (size_t)net[i].dim[k], int8[i], false });
             add_tensor(w, (saga_weight_tensor){ i, k,
                                                 (size_t)(net[i].b[k] - params),
-                                                rows, 1, int8[i] });
+                                                rows, 1, int8[i], false });
         }
+}
+
+void saga_weights_fix(saga_weights *w, int net)
+{
+    const int t = saga_weights_find(w, net, 0);
+
+    w->tensor[t].fixed = w->tensor[t + 1].fixed = true;
 }
 
 /* The deviations of a tensor's rows or columns, or the one of all of it. */
@@ -90,6 +97,8 @@ void saga_weights_start(saga_weights *w, const real *params)
         w->log2_step[t] = (real)log2(d.sigma[0] / 64);
         if (is_bias(t) && w->log2_step[t] < w->log2_step[t - 1])
             w->log2_step[t] = w->log2_step[t - 1];
+        if (w->tensor[t].fixed)
+            w->log2_step[t] = is_bias(t) ? -SAGA_FIXED_BIAS : 0;
     }
 }
 
@@ -129,7 +138,7 @@ static void tensor_noise(void *user, size_t t)
     const size_t at = j->w->tensor[t].at;
     const size_t n = j->w->tensor[t].rows * j->w->tensor[t].cols;
     const saga_rng r = saga_rng_stream(j->seed, (uint64_t)t);
-    const double size = (int)t < j->n_rounded
+    const double size = (int)t < j->n_rounded || j->w->tensor[t].fixed
                             ? 0
                             : j->noise * saga_weights_step(j->w, (int)t);
     size_t i;
@@ -243,6 +252,10 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
     deviations d;
     size_t i;
 
+    if (w->tensor[t].fixed) {
+        memset(dx + at, 0, n * sizeof *dx);
+        return;
+    }
     choose(&d, x, &w->tensor[t], step, t % 2);
     for (i = at; i < at + n; i++) {
         const cost k = cost_of((double)y[i], step,

@@ -6,7 +6,7 @@
  * multiples of the step:
  *
  *     not yet rounded    y = x + noise step (u - 1/2), u uniform in [0, 1)
- *     rounded            y = x, and x is frozen
+ *     rounded, or fixed  y = x, and x is frozen
  *
  * Bits are those of a zero-mean normal distribution, integrated over one step
  * around y; the residuals of common/prob.h are the integers of the same
@@ -39,6 +39,7 @@ typedef struct saga_weight_tensor {
     size_t at;         /* index of the first parameter in params */
     size_t rows, cols; /* size of the matrix; biases have (n_out, 1) */
     bool int8;         /* weights have 8 bits in the file */
+    bool fixed;        /* multiples of their step that stay as they are */
 } saga_weight_tensor;
 
 typedef struct saga_weights {
@@ -56,6 +57,7 @@ typedef struct saga_weights {
 
 #define saga_weights_list SAGA_REAL_NAME(saga_weights_list)
 #define saga_weights_start SAGA_REAL_NAME(saga_weights_start)
+#define saga_weights_fix SAGA_REAL_NAME(saga_weights_fix)
 #define saga_weights_find SAGA_REAL_NAME(saga_weights_find)
 #define saga_weights_step SAGA_REAL_NAME(saga_weights_step)
 #define saga_weights_round SAGA_REAL_NAME(saga_weights_round)
@@ -72,6 +74,12 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
  * of biases, many of which are 0 then, is at least that of their layer's
  * weights, because steps learn too slowly to grow from nothing. */
 void saga_weights_start(saga_weights *w, const real *params);
+
+/* Fixes a network of one layer, whose weights are whole numbers and whose
+ * biases are multiples of 2^-SAGA_FIXED_BIAS. It has no noise and no rate, and
+ * its gradients are removed. */
+enum { SAGA_FIXED_BIAS = 4 };
+void saga_weights_fix(saga_weights *w, int net);
 
 /* Returns the tensor of a layer's weights, or -1 if it has none. The next
  * tensor has its biases. */

@@ -169,6 +169,21 @@ static void turn(const saga_block_adam *b, size_t first, int n_blocks)
 
 /* --- Steps --------------------------------------------------------------- */
 
+static saga_block_span span_of(const saga_block_adam *b, size_t i)
+{
+    return b->span ? b->span[i] : (saga_block_span){ 0, (uint8_t)b->width };
+}
+
+/* Copies the gradients of block i to g (width). Numbers that it lacks have
+ * none, and their axes stay those of the coordinates. */
+static void take_gradient(real *g, const saga_block_adam *b, size_t i)
+{
+    const saga_block_span has = span_of(b, i);
+
+    memset(g, 0, b->width * sizeof *g);
+    memcpy(g, b->g + i * b->stride + has.first, has.n * sizeof *g);
+}
+
 static inline void load_quad(quad *to, const real *from)
 {
     memcpy(to, from, sizeof *to);
@@ -194,10 +209,10 @@ static void dot_rows(real *r, const real *rows, const real *x, size_t n)
     }
 }
 
-/* Keeps the gradient of block i. After RECENT steps it adds these gradients to
- * the covariance in order, C = beta2 C + (1 - beta2) g g^T: like Adam's v, but
- * the whole matrix. */
-static void remember(const job *j, size_t i)
+/* Keeps the gradient g of block i. After RECENT steps it adds these gradients
+ * to the covariance in order, C = beta2 C + (1 - beta2) g g^T: like Adam's v,
+ * but the whole matrix. */
+static void remember(const job *j, size_t i, const real *g)
 {
     const saga_block_adam *const b = j->b;
     const size_t n = b->width, at = (j->step + i + RECENT - 1) % RECENT;
@@ -205,17 +220,17 @@ static void remember(const job *j, size_t i)
     real *const recent = b->recent + i * RECENT * n;
     real *const covariance = b->covariance + i * n * n;
 
-    memcpy(recent + at * n, b->g + i * n, n * sizeof *recent);
+    memcpy(recent + at * n, g, n * sizeof *recent);
     if (at < RECENT - 1)
         return;
     for (size_t k = 0; k < n; k++)
         for (size_t l = 0; l < n; l += 4) {
-            quad c, g;
+            quad c, y;
 
             load_quad(&c, covariance + k * n + l);
             for (size_t p = 0; p < RECENT; p++) {
-                load_quad(&g, recent + p * n + l);
-                c = c * beta2 + ((1 - beta2) * recent[p * n + k]) * g;
+                load_quad(&y, recent + p * n + l);
+                c = c * beta2 + ((1 - beta2) * recent[p * n + k]) * y;
             }
             memcpy(covariance + k * n + l, &c, sizeof c);
         }
@@ -238,7 +253,9 @@ static void step_block(const job *j, size_t i, const real *r)
     const saga_adam *const a = j->adam;
     const size_t n = b->width;
     const real *const axes = b->axes + i * n * n;
-    real *const x = b->x + i * n;
+    const saga_block_span has = span_of(b, i);
+    real *const x = b->x + i * b->stride + has.first;
+    real to[MOST];
     /* Lanes after the last number compute with zeros. */
     real m[MOST + VEC_LANES], v[MOST + VEC_LANES], along[MOST + VEC_LANES];
 
@@ -257,16 +274,19 @@ static void step_block(const job *j, size_t i, const real *r)
         vec_store(along + k, -b->rate * mean / (j->c1 * sigma));
     }
     saga_copy_row(b->m + i * n, m, n);
+    memset(to, 0, n * sizeof *to);
+    memcpy(to, x, has.n * sizeof *to);
     for (size_t l = 0; l < n; l += 4) {
-        quad to, axis;
+        quad sum, axis;
 
-        load_quad(&to, x + l);
+        load_quad(&sum, to + l);
         for (size_t k = 0; k < n; k++) {
             load_quad(&axis, axes + k * n + l);
-            to += along[k] * axis;
+            sum += along[k] * axis;
         }
-        memcpy(x + l, &to, sizeof to);
+        memcpy(to + l, &sum, sizeof sum);
     }
+    memcpy(x, to, has.n * sizeof *to);
 }
 
 static bool turns(const job *j, size_t i)
@@ -281,11 +301,12 @@ static void step_part(void *user, size_t part)
     const saga_range of = saga_part(b->n, BLOCKS, part);
     const size_t n = b->width;
     size_t first = of.end, n_turning = 0;
-    real r[MOST + VEC_LANES] = { 0 };
+    real r[MOST + VEC_LANES] = { 0 }, g[MOST];
 
     for (size_t i = of.begin; i < of.end; i++) {
-        remember(j, i);
-        dot_rows(r, b->axes + i * n * n, b->g + i * n, n);
+        take_gradient(g, b, i);
+        remember(j, i, g);
+        dot_rows(r, b->axes + i * n * n, g, n);
         spread(j, b->v + i * n, r, n);
         if (!turns(j, i))
             step_block(j, i, r);
@@ -297,7 +318,8 @@ static void step_part(void *user, size_t part)
         turn(b, first + k * SAGA_BLOCK_TURN_EVERY,
              (int)(n_turning - k < VEC_LANES ? n_turning - k : VEC_LANES));
     for (size_t i = first; i < of.end; i += SAGA_BLOCK_TURN_EVERY) {
-        dot_rows(r, b->axes + i * n * n, b->g + i * n, n);
+        take_gradient(g, b, i);
+        dot_rows(r, b->axes + i * n * n, g, n);
         step_block(j, i, r);
     }
 }
@@ -306,6 +328,7 @@ void saga_block_adam_begin(const saga_block_adam *b)
 {
     const size_t n = b->width;
 
+    assert(b->span || b->stride == n);
     assert(n % 4 == 0 && n <= MOST);
     memset(b->axes, 0, b->n * n * n * sizeof *b->axes);
     for (size_t i = 0; i < b->n; i++)

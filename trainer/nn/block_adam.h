@@ -24,12 +24,19 @@ enum {
     SAGA_BLOCK_RECENT = 5 /* steps between two updates of a covariance */
 };
 
-/* n blocks of `width` numbers, a multiple of four and at most
- * SAGA_MAX_FEATURES. Everything except gradient and rate is state, owned by the
- * caller. */
+/* The numbers of a row that a block has: first .. first + n - 1. */
+typedef struct saga_block_span {
+    uint8_t first, n;
+} saga_block_span;
+
+/* n blocks, each of the numbers of a row that `span` tells, or of all. `width`
+ * is the largest number of a block rounded up to a multiple of four, and at
+ * most SAGA_MAX_FEATURES. Everything except gradient, spans and rate is state,
+ * owned by the caller. */
 typedef struct saga_block_adam {
-    real *x;          /* (n, width) */
-    const real *g;    /* (n, width) gradients */
+    real *x;                     /* (n, stride) */
+    const real *g;               /* (n, stride) gradients */
+    const saga_block_span *span; /* (n); NULL: all of a row, of `width` */
     real *m, *v;      /* (n, width) moments along the axes, zero before
                        * the first step */
     real *covariance; /* (n, width, width), zero before the first step */
@@ -38,7 +45,7 @@ typedef struct saga_block_adam {
                        * step */
     real *axes;       /* (n, width, width) rows are axes; set by
                        * saga_block_adam_begin */
-    size_t n, width;
+    size_t n, width, stride;
     real rate;
 } saga_block_adam;
 

@@ -92,6 +92,12 @@ static inline void saga_scene_phase(real phase[4], const real x[4])
     phase[3] = 2 * x[3] - 1;
 }
 
+/* Returns the class of coarse anchor i. */
+static inline saga_class saga_scene_class(const saga_scene *s, size_t i)
+{
+    return saga_class_of(&s->model, s->coarse[i].class);
+}
+
 #define saga_scene_init SAGA_REAL_NAME(saga_scene_init)
 #define saga_scene_free SAGA_REAL_NAME(saga_scene_free)
 #define saga_scene_position SAGA_REAL_NAME(saga_scene_position)

@@ -36,6 +36,8 @@ typedef struct saga_twin {
     saga_links to_fine, to_prim; /* links from fine anchors to coarse
                                   * ones, and from primitives to fine
                                   * ones */
+    bool passes;                 /* F_fine gives each fine anchor its coarse
+                                  * anchor's features unchanged */
     bool own[SAGA_N_TIERS];      /* of a tier, whether each row reads its
                                   * own anchor, without Fuse: then features
                                   * and gradients pass without a copy in

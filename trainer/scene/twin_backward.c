@@ -338,6 +338,11 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     /* The order is reversed: primitives come first, and give the gradients of
      * fine features and supports, from which the coarse tier continues. */
     prims_backward(w, d, s);
+    /* F_fine itself learns nothing where it passes features on. */
+    for (size_t i = 0; w->passes && i < s->model.features * w->n.fine; i++)
+        d->coarse_feature[i] += w->d_fine_feature[i];
+    if (w->passes)
+        return;
     go_back(fine_block, &t, w->n.fine);
     if (!w->own[SAGA_TIER_COARSE])
         saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,

@@ -81,6 +81,41 @@ static const real *context_forward(const saga_twin_stage *t, int tier,
 
 /* --- Coarse to fine ------------------------------------------------------ */
 
+/* Tells whether F_fine is one layer whose weights are an identity for the
+ * features and 0 for the supports, which are then its biases. Training leaves
+ * such a network as it is (fit_weights.c), so that it needs no gradients.
+ * Others begin as one, but are never run without noise. */
+static bool passes_features(const saga_scene *s)
+{
+    const saga_net *const net = &s->net[SAGA_NET_FINE];
+    const size_t f = s->model.features, in = (size_t)net->dim[0];
+
+    if (net->n_layers != 1)
+        return false;
+    for (size_t i = 0; i < (f + 4) * in; i++)
+        if (net->w[0][i] != R(i / in < f && i % in == i / in))
+            return false;
+    for (size_t i = 0; i < f; i++)
+        if (net->b[0][i] != 0)
+            return false;
+    return true;
+}
+
+/* Sets the outputs of such a network. */
+static void pass(saga_twin *w, const saga_scene *s, const real *feature,
+                 saga_range of)
+{
+    const size_t f = s->model.features;
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        real *const out = w->batch[SAGA_NET_FINE].out +
+                          saga_twin_out_at(s, SAGA_NET_FINE, i);
+
+        saga_copy_row(out, feature + i * f, f);
+        saga_copy_row(out + f, s->net[SAGA_NET_FINE].b[0] + f, 4);
+    }
+}
+
 /* Sets features and supports of fine anchor i from F_fine's outputs. */
 static void take_fine(const saga_twin_stage *t, size_t i)
 {
@@ -116,8 +151,12 @@ static void fine_chunk(void *user, size_t chunk)
                                               w->fine_phase, chunk);
     size_t i;
 
-    assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
-    forward_chunk(w, t->s, SAGA_NET_FINE, chunk);
+    if (w->passes) {
+        pass(w, t->s, fused, of);
+    } else {
+        assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
+        forward_chunk(w, t->s, SAGA_NET_FINE, chunk);
+    }
     for (i = of.begin; i < of.end; i++)
         take_fine(t, i);
 }
@@ -132,6 +171,7 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
 
     w->own[SAGA_TIER_COARSE] = saga_links_are_own(&w->to_fine, w->n.fine) &&
                                s->net[SAGA_NET_FUSE_C].n_layers == 0;
+    w->passes = w->own[SAGA_TIER_COARSE] && passes_features(s);
     saga_model_rows(t.rows, &s->model);
     begin_networks(&t);
     saga_twin_do_rows(fine_chunk, &t, w->n.fine);

@@ -160,14 +160,15 @@ static void use_features(void *user, size_t part)
     const double step = saga_fit_feature_step(f->scene);
 
     /* Features are rounded relative to the mu of their anchor's last
-     * evaluation. */
+     * evaluation. Before that, uniform noise of one step has the spread of
+     * rounding errors and lets gradients through. It depends on i only, not on
+     * threads. */
     if (saga_fit_is_rounding(f)) {
         saga_rate_round(f->feature, &f->rate, f->scene, of);
         return;
     }
-    /* Uniform noise of one step has the spread of rounding errors and lets
-     * gradients through. It depends on i only, not on threads. */
     saga_noise_add(f->feature, f->scene->coarse_feature, step, r, of);
+    saga_rate_keep_lacking(f->feature, f->scene, of);
 }
 
 /* Sets a part of f->position, with noise of one step on the offsets from the

@@ -26,23 +26,34 @@ static saga_block_adam feature_blocks(saga_fit *f)
 
     return (saga_block_adam){ .x = s->coarse_feature,
                               .g = f->grad.reals + at,
+                              .span = d->span,
                               .m = d->m + at,
                               .v = d->v + at,
                               .covariance = d->covariance,
                               .recent = d->recent,
                               .axes = d->axes,
                               .n = s->n.coarse,
-                              .width = s->model.features };
+                              .width = d->width,
+                              .stride = s->model.features };
 }
 
-static size_t n_axes(const saga_scene *s)
+static size_t n_axes(const saga_fit *f)
 {
-    return (size_t)s->n.coarse * s->model.features * s->model.features;
+    return (size_t)f->scene->n.coarse * f->descent.width * f->descent.width;
 }
 
-static size_t n_recent(const saga_scene *s)
+static size_t n_recent(const saga_fit *f)
 {
-    return (size_t)s->n.coarse * SAGA_BLOCK_RECENT * s->model.features;
+    return (size_t)f->scene->n.coarse * SAGA_BLOCK_RECENT * f->descent.width;
+}
+
+static size_t widest_block(const saga_model *m)
+{
+    size_t most = saga_class_of(m, 0).n;
+
+    for (uint32_t i = 1; i < m->n_classes; i++)
+        most = m->classes[i].n > most ? m->classes[i].n : most;
+    return (most + 3) / 4 * 4;
 }
 
 static real *zeros(size_t n, saga_error *error)
@@ -55,12 +66,15 @@ bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
     saga_descent *const d = &f->descent;
     saga_block_adam features;
 
+    d->width = widest_block(&f->scene->model);
+    d->span = saga_calloc(f->scene->n.coarse, sizeof *d->span, "the fit",
+                          error);
     d->m = zeros(f->scene->n_reals, error);
     d->v = zeros(f->scene->n_reals, error);
-    d->covariance = zeros(n_axes(f->scene), error);
-    d->recent = zeros(n_recent(f->scene), error);
-    d->axes = zeros(n_axes(f->scene), error);
-    if (!d->m || !d->v || !d->covariance || !d->recent || !d->axes)
+    d->covariance = zeros(n_axes(f), error);
+    d->recent = zeros(n_recent(f), error);
+    d->axes = zeros(n_axes(f), error);
+    if (!d->span || !d->m || !d->v || !d->covariance || !d->recent || !d->axes)
         return false;
     features = feature_blocks(f);
     saga_block_adam_begin(&features);
@@ -74,17 +88,18 @@ void saga_fit_free_descent(saga_fit *f)
     free(f->descent.covariance);
     free(f->descent.recent);
     free(f->descent.axes);
+    free(f->descent.span);
 }
 
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
 {
     const saga_descent *const d = &f->descent;
-    const size_t n = f->scene->n_reals, n_square = n_axes(f->scene);
+    const size_t n = f->scene->n_reals, n_square = n_axes(f);
 
     saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
     saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
     saga_checkpoint_walk(c, d->covariance, n_square * sizeof *d->covariance);
-    saga_checkpoint_walk(c, d->recent, n_recent(f->scene) * sizeof *d->recent);
+    saga_checkpoint_walk(c, d->recent, n_recent(f) * sizeof *d->recent);
     saga_checkpoint_walk(c, d->axes, n_square * sizeof *d->axes);
 }
 
@@ -143,6 +158,15 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
                                      r->steps };
 }
 
+static void set_spans(saga_fit *f)
+{
+    for (size_t i = 0; i < f->scene->n.coarse; i++) {
+        const saga_class has = saga_scene_class(f->scene, i);
+
+        f->descent.span[i] = (saga_block_span){ has.first, has.n };
+    }
+}
+
 bool saga_fit_descend(saga_fit *f, saga_error *error)
 {
     const saga_adam adam = saga_adam_default();
@@ -151,6 +175,7 @@ bool saga_fit_descend(saga_fit *f, saga_error *error)
     saga_block_adam features = feature_blocks(f);
     saga_adam_tensor t[N_TENSORS];
 
+    set_spans(f);
     features.rate = rates.feature;
     list_tensors(t, f, &rates);
     if (!saga_adam_update(&adam, t, N_TENSORS, number, error))

@@ -207,12 +207,13 @@ static double added(const polish *p, size_t at, const coded *c, int by)
  * Returns the predicted gain. */
 static double move_block(const polish *p, size_t block)
 {
+    const saga_class has = saga_scene_class(p->f->scene, block);
     const size_t first = block * p->width;
     double least = 0;
     size_t best = first;
     int move = 0;
 
-    for (size_t i = 0; i < p->width; i++) {
+    for (size_t i = has.first; i < (size_t)has.first + has.n; i++) {
         const coded c = code_of(p, block, i);
 
         for (int by = -1; by <= 1; by += 2) {

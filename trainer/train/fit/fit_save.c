@@ -58,6 +58,15 @@ static void walk_rate(saga_checkpoint *c, saga_rate *r, const saga_scene *s)
                    k->kind[kind].n_blocks * k->bank.width);
 }
 
+/* The classes of anchors, which the start of the fit has chosen. */
+static void walk_classes(saga_checkpoint *c, saga_scene *s)
+{
+    for (uint32_t i = 0; s->model.n_classes && i < s->n.coarse; i++) {
+        saga_checkpoint_walk(c, &s->coarse[i].class, 1);
+        c->failed = c->failed || s->coarse[i].class >= s->model.n_classes;
+    }
+}
+
 void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
 {
     saga_weights *const w = &f->weights;
@@ -73,6 +82,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     c->failed = c->failed || iteration > (uint64_t)f->o.n_render;
     /* The step may have been steered (size.c), and the prices with it. */
     saga_fit_walk_step(f, c);
+    walk_classes(c, f->scene);
     /* The parameters, and the state of their optimisers. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     saga_fit_walk_descent(f, c);

@@ -5,6 +5,7 @@
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H
 
+#include "block_adam.h"
 #include "fit.h"
 #include "gpu_splat.h"
 
@@ -12,10 +13,13 @@
 typedef struct saga_descent {
     real *m, *v;             /* Adam's moments (n_reals); those of features
                               * are along their axes */
-    real *covariance, *axes; /* (coarse, F, F): of each anchor's feature
+    real *covariance, *axes; /* (coarse, width, width): of each anchor's feature
                               * gradients, and its eigenvectors */
-    real *recent;            /* (coarse, SAGA_BLOCK_RECENT, F) gradients that
-                              * the covariance has yet to get */
+    real *recent;          /* (coarse, SAGA_BLOCK_RECENT, width) gradients that
+                            * the covariance has yet to get */
+    saga_block_span *span; /* (coarse) features that an anchor's class has */
+    size_t width;          /* the most features that a class has, rounded up
+                            * to a multiple of four */
 } saga_descent;
 
 struct saga_fit {

@@ -71,6 +71,13 @@ bool saga_fit_begin_weights(saga_fit *f, saga_error *error)
             saga_net_bind(&f->used.net[i],
                           f->params + (s->net[i].w[0] - s->params));
     saga_weights_list(&f->weights, s->net, s->model.int8, s->params);
+    /* Where anchors have classes, each primitive has anchors of its own, and
+     * F_fine has nothing to compute that F_geo and F_color cannot. It passes
+     * the features on and gives all anchors the support that the start has
+     * chosen, which saves the bytes of its many weights (docs/lab/classes.md).
+     */
+    if (s->model.n_classes && !f->o.raw_networks)
+        saga_weights_fix(&f->weights, SAGA_NET_FINE);
     start_steps(f);
     return true;
 }
@@ -149,6 +156,8 @@ static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);
 
+        if (f->weights.tensor[t].fixed)
+            continue;
         if (!saga_weight_round(params + f->weights.tensor[t].at,
                                params + f->weights.tensor[t + 1].at, &in,
                                error))

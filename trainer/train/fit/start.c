@@ -7,6 +7,7 @@
 #include "rng.h"
 #include "threads.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,11 +17,6 @@ enum { STREAM_SIGNS = 110 };
 /* Number of pictures with random signs, each of which gives one more sample of
  * every derivative. */
 enum { N_PICTURES = 64 };
-
-/* The least weight of a primitive's error, as a part of the mean weight. A
- * primitive that no picture shows still gets sensible attributes, since later
- * iterations may make it visible. */
-#define LEAST_WEIGHT 0.1
 
 /* Steps of gradient descent that find the features for given networks. The rate
  * falls from the first to the last value. */
@@ -40,9 +36,10 @@ static bool init(saga_start *x, const saga_fit *f, saga_error *error)
         x->at[a] = x->d;
         x->d += x->width[a];
     }
-    /* The features are at most as many as the dimensions, since a basis has no
-     * further directions. */
-    x->f = m->features < x->d ? m->features : x->d;
+    /* The features, or those of a class, are at most as many as the dimensions,
+     * since a basis has no further directions. */
+    x->f = m->features < x->d || m->n_classes ? m->features : x->d;
+    assert(x->f <= SAGA_LINEAR_MOST && x->d <= SAGA_LINEAR_MOST);
     x->wanted = saga_calloc(x->n * x->d, sizeof *x->wanted, what, error);
     x->weight = saga_calloc(x->n * x->d, sizeof *x->weight, what, error);
     x->code = saga_calloc(x->n * x->f, sizeof *x->code, what, error);
@@ -181,6 +178,10 @@ static void choose_supports(saga_start *x, const saga_scene *s)
             x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
         }
     }
+    /* These are the biases of a fixed F_fine (weight_rate.h). */
+    for (size_t k = 0; k < 4 && s->model.n_classes; k++)
+        x->log2_support[k] = ldexp(
+            ceil(ldexp(x->log2_support[k], SAGA_FIXED_BIAS)), -SAGA_FIXED_BIAS);
 }
 
 static void want(saga_start *x, const saga_fit *f)
@@ -203,21 +204,6 @@ static void want(saga_start *x, const saga_fit *f)
                  * attribute. */
                 x->weight[at] *= unit * unit;
             }
-    }
-}
-
-static void raise_weights(saga_start *x)
-{
-    for (size_t k = 0; k < x->d; k++) {
-        double sum = 0;
-
-        for (size_t i = 0; i < x->n; i++)
-            sum += x->weight[i * x->d + k];
-        for (size_t i = 0; i < x->n; i++)
-            /* The last term is for dimensions that no picture shows:
-             * first_basis divides by the sum of their weights. */
-            x->weight[i * x->d + k] += LEAST_WEIGHT * sum / (double)x->n +
-                                       1e-30;
     }
 }
 
@@ -250,14 +236,22 @@ static bool begin_twin(saga_fit *f, saga_error *error)
     return true;
 }
 
-static void make_networks(saga_start *x, saga_fit *f)
+static bool make_networks(saga_start *x, saga_fit *f, saga_error *error)
 {
+    const double step = saga_fit_feature_step(f->scene);
+
     /* Supports come first, because the wanted motion is in their units. */
     choose_supports(x, f->scene);
     want(x, f);
-    raise_weights(x);
-    saga_start_solve(x, price_of(f), saga_fit_feature_step(f->scene));
+    if (!f->scene->model.n_classes) {
+        saga_start_raise_weights(x);
+        saga_start_solve(x, price_of(f), step);
+    } else if (!saga_start_solve_classes(x, f->scene, price_of(f), step,
+                                         error)) {
+        return false;
+    }
     saga_start_set_networks(x, f);
+    return true;
 }
 
 /* --- Given networks ------------------------------------------------------- */
@@ -270,6 +264,7 @@ static bool begin_features(saga_fit *f, saga_error *error)
 
     for (size_t i = 0; i < n * f->scene->n.coarse; i++)
         f->scene->coarse_feature[i] = mean[i % n];
+    saga_start_set_lacking(f->scene);
     return begin_twin(f, error);
 }
 
@@ -324,6 +319,18 @@ static void add_bits(saga_fit *f)
     }
 }
 
+/* Removes the gradients of features that an anchor's class lacks. */
+static void drop_lacking(saga_fit *f)
+{
+    const size_t n = f->scene->model.features;
+
+    for (size_t i = 0; f->scene->model.n_classes && i < n * f->scene->n.coarse;
+         i++)
+        if (!saga_class_has(saga_scene_class(f->scene, i / n),
+                            (uint32_t)(i % n)))
+            f->grad.coarse_feature[i] = 0;
+}
+
 static bool descend(saga_fit *f, int turn, saga_error *error)
 {
     const saga_scene *const s = f->scene;
@@ -367,6 +374,7 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
         saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
         saga_twin_backward(&f->twin, &f->grad, &f->used);
         add_bits(f);
+        drop_lacking(f);
         ok = descend(f, i, error);
     }
     /* Features stay within their format. */
@@ -391,13 +399,15 @@ bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
      * description of an ellipsoid they are measured on. */
     saga_splat_canonical(target, f->scene->n.prim);
     ok = init(&x, f, error) && weigh(&x, f, error);
+    if (ok && f->scene->model.n_classes)
+        ok = saga_start_choose_classes(&x, f, error);
     if (ok && f->o.given) {
         /* pull compares attributes, not outputs, so the weights keep their
          * units. */
-        raise_weights(&x);
+        saga_start_raise_weights(&x);
         ok = find_features(&x, f, error);
     } else if (ok) {
-        make_networks(&x, f);
+        ok = make_networks(&x, f, error);
     }
     release(&x);
     return ok && begin_twin(f, error);

@@ -151,6 +151,7 @@ static void set_features(const saga_start *x, saga_fit *f)
                 s->coarse_feature[i * n + k] += (real)(x->code[c * x->f + k] /
                                                        (p - first));
     }
+    saga_start_set_lacking(f->scene);
 }
 
 /* Makes the corrections small. They cannot start at 0, because no gradient

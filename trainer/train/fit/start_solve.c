@@ -18,6 +18,11 @@ enum { CODES = 32, CODE_NS = 5000 };
 /* Rounds of the alternation. */
 enum { N_TURNS = 6 };
 
+/* The least weight of a primitive's error, as a part of the mean weight. A
+ * primitive that no picture shows still gets sensible attributes, since later
+ * iterations may make it visible. */
+#define LEAST_WEIGHT 0.1
+
 /* The weight of a feature's square over its variance, in squared errors of a
  * rounded feature (price step^2 / 12). It keeps a primitive from taking extreme
  * features for a small gain. */
@@ -27,6 +32,21 @@ enum { N_TURNS = 6 };
  * Otherwise, with bits that are almost free or very dear, weights of the
  * networks would exceed their formats. */
 #define MOST_DEVIATION 4.0
+
+void saga_start_raise_weights(saga_start *x)
+{
+    for (size_t k = 0; k < x->d; k++) {
+        double sum = 0;
+
+        for (size_t i = 0; i < x->n; i++)
+            sum += x->weight[i * x->d + k];
+        for (size_t i = 0; i < x->n; i++)
+            /* The last term is for dimensions that no picture shows:
+             * first_basis divides by the sum of their weights. */
+            x->weight[i * x->d + k] += LEAST_WEIGHT * sum / (double)x->n +
+                                       1e-30;
+    }
+}
 
 /* Finds principal axes to start with. Each dimension is scaled by the root of
  * its mean weight, and each primitive counts by the mean of its weights

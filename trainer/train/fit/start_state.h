@@ -30,7 +30,21 @@ typedef struct {
                              * the cell */
 } saga_start;
 
-/* start_solve.c: finds the basis, the mean and the features that reproduce the
+/* start_classes.c: chooses the class of each primitive's anchor. The weights
+ * are those of attributes. Returns false with *error set if memory is short. */
+bool saga_start_choose_classes(const saga_start *x, saga_fit *f,
+                               saga_error *error);
+/* Finds basis, mean and features as saga_start_solve does, for each class by
+ * itself. Returns false with *error set if memory is short. */
+bool saga_start_solve_classes(saga_start *x, const saga_scene *s, double price,
+                              double step, saga_error *error);
+/* Sets the features that an anchor's class lacks to their values, 0 or 1. */
+void saga_start_set_lacking(saga_scene *s);
+
+/* start_solve.c */
+/* Raises the weights to at least a part of their mean. */
+void saga_start_raise_weights(saga_start *x);
+/* Finds the basis, the mean and the features that reproduce the
  * wanted attributes with the least loss. `price` is the loss for an error of 1
  * in a feature, and `step` is the features' quantisation step. */
 void saga_start_solve(saga_start *x, double price, double step);

@@ -39,6 +39,7 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     y->split = s->split + l->first_node;
     y->occupancy = s->occupancy + l->first_node;
     y->n_fine = saga_alloc(coarse, 1, what, error);
+    y->class = saga_alloc(coarse, 1, what, error);
     y->centre = saga_calloc(coarse, four, what, error);
     y->feature = saga_calloc(coarse, s->model.features * one, what, error);
     y->fine_suffix = saga_alloc(fine, one, what, error);
@@ -49,8 +50,10 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     /* *error keeps the first allocation that failed. */
     if (saga_failed(error))
         return false;
-    for (i = 0; i < coarse; i++)
+    for (i = 0; i < coarse; i++) {
         y->n_fine[i] = s->coarse[l->first.coarse + i].n_fine;
+        y->class[i] = s->coarse[l->first.coarse + i].class;
+    }
     for (i = 0; i < fine; i++) {
         y->n_prim[i] = s->fine[l->first.fine + i].n_prim;
         y->fine_suffix[i] = saga_scene_fine_suffix(s, l->first.fine + i);
@@ -61,6 +64,7 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
 static void free_symbols(saga_symbols *y)
 {
     free(y->n_fine);
+    free(y->class);
     free(y->centre);
     free(y->feature);
     free(y->fine_suffix);

@@ -129,6 +129,37 @@ static void set_hash(saga_model *m)
     m->width[SAGA_NET_RES] = 8;
 }
 
+/* Two classes of anchors save more bits of features than their networks take
+ * from this number of primitives on (docs/lab/classes.md). */
+enum { CLASSES_PAY = 1000 };
+
+static bool has_classes(const saga_model *m, const saga_model_terms *terms)
+{
+    return has_own_anchors(terms->options) && !terms->ablation->no_classes &&
+           (m->tools & SAGA_TOOLS_TIME) &&
+           terms->options->n_primitives >= CLASSES_PAY;
+}
+
+/* Gives what never moves a class with a feature for each of its attributes, and
+ * the rest one with `features` (start_classes.c). Each has its own columns in
+ * F_geo and F_color, and the last feature is 1 in the second class: its
+ * bias. */
+static void set_classes(saga_model *m, uint8_t features)
+{
+    uint8_t still = 0, all;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (!saga_attributes[a].is_temporal)
+            still = (uint8_t)(still + saga_attr_n_outputs(a, m));
+    all = (uint8_t)(still + features + 1);
+    m->tools |= SAGA_TOOL_CLASSES;
+    m->n_classes = 2;
+    m->classes[SAGA_CLASS_STILL] = (saga_class){ 0, still, all };
+    m->classes[SAGA_CLASS_MOVING] = (saga_class){ still, features,
+                                                  (uint8_t)(all - 1) };
+    m->features = all;
+}
+
 /* Sets the number of features and of hidden units. With ReLU, two hidden units
  * are needed to carry a feature unchanged through F_geo, one for its positive
  * part and one for its negative; F_color carries three values in this way, the
@@ -142,6 +173,8 @@ static void set_networks(saga_model *m, const saga_model_terms *terms)
     const uint32_t width = own ? 2 * features : terms->policy->width;
 
     m->features = (uint8_t)features;
+    if (has_classes(m, terms))
+        set_classes(m, m->features);
     m->octaves = own ? 1 : 4;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = (uint8_t)(width < caps->width ? width : caps->width);
@@ -158,7 +191,7 @@ static void set_networks(saga_model *m, const saga_model_terms *terms)
      * nothing to combine where a primitive has an anchor of its own. */
     if (o->n_fine >= o->n_primitives)
         m->width[SAGA_NET_FINE] = 0;
-    if (own && !terms->policy->deep_pays)
+    if (own && (!terms->policy->deep_pays || m->n_classes))
         m->width[SAGA_NET_GEO] = 0;
 }
 

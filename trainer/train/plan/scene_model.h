@@ -11,6 +11,9 @@
 #include "options.h"
 #include "policy.h"
 
+/* The classes of coarse anchors in models with SAGA_TOOL_CLASSES. */
+enum { SAGA_CLASS_STILL, SAGA_CLASS_MOVING };
+
 typedef struct saga_model_terms {
     const saga_train_options *options; /* after saga_options_derive */
     const saga_ablation *ablation;

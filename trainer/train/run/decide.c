@@ -120,6 +120,16 @@ static saga_size_terms size_terms(const saga_train *t, uint32_t room)
     return (saga_size_terms){ &t->o, &t->base, room, &t->report.sizes };
 }
 
+/* Returns the number of features that all anchors of the segment code. */
+static double n_features(const saga_scene *s)
+{
+    double n = 0;
+
+    for (size_t i = 0; i < s->n.coarse; i++)
+        n += saga_scene_class(s, i).n;
+    return n;
+}
+
 bool saga_train_steer(saga_train *t, saga_error *error)
 {
     const saga_size_terms terms = size_terms(t, 0);
@@ -129,8 +139,7 @@ bool saga_train_steer(saga_train *t, saga_error *error)
         t->o.n_bytes && t->turn == 0
             ? saga_size_moment(saga_fit_iteration(t->render.fit), t->o.n_render)
             : 0;
-    const double n = (double)t->render.scene.n.coarse *
-                     t->render.scene.model.features;
+    const double n = n_features(&t->render.scene);
 
     if (!(over > 0))
         return true;
