@@ -705,7 +705,7 @@ told 2 '--lambda' cap -o x.saga --lambda nan
 for word in groups=17 groups=0 groups= groups=4x groups slots=48 slots=16 \
     no-bank=1 no-ban no-banks '' no-parent, ',no-parent'; do
     expect 2 cap -o x.saga --ablate "no-bank,$word"
-    says 'no-hyperprior, no-parent, no-bank, no-base, no-classes'
+    says 'no-hyperprior, no-parent, no-bank, no-base, no-steep'
 done
 says "''"
 told 2 "'nothing'" cap -o x.saga --ablate groups=4,nothing,raw-networks

@@ -58,17 +58,16 @@ TEST(model_should_leave_out_forbidden_sources)
 
 /* Makes the model of a scene of n primitives, as many fine anchors and n_coarse
  * coarse ones. */
-static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
-                           int level)
+static saga_model ablated(uint32_t n, uint32_t n_coarse, uint32_t tools,
+                          int level, saga_ablation ablation)
 {
     const saga_train_options o = { .n_primitives = n,
                                    .n_coarse = n_coarse,
                                    .n_fine = n,
                                    .level = level,
                                    .n_layers = 1 };
-    const saga_ablation nothing = { .no_bank = 0 };
     const saga_policy policy = saga_policy_of(1e3, 1e7, n);
-    const saga_model_terms terms = { &o, &nothing, &policy };
+    const saga_model_terms terms = { &o, &ablation, &policy };
     saga_model m;
 
     saga_plan_model(&m, &terms, tools);
@@ -76,26 +75,33 @@ static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
     return m;
 }
 
-/* From 1,000 primitives on, what is still has a class with a feature for each
- * of its 11 attributes; what moves has the features of a scene without classes,
+static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
+                           int level)
+{
+    return ablated(n, n_coarse, tools, level, (saga_ablation){ .no_bank = 0 });
+}
+
+/* If classes are asked for, what is still has one with a feature for each of
+ * its 11 attributes; what moves has the features of a scene without classes,
  * and another that is 1. F_geo is a layer. */
 TEST(classes_should_be_of_still_and_moving)
 {
     enum { ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T };
     const saga_class of[] = { { 0, 11, 28 }, { 11, 16, 27 } };
-    saga_model m = model_of(1000, 1000, ORDER_2, 2);
+    const saga_ablation classes = { .classes = 1 };
+    saga_model m = ablated(6000, 6000, ORDER_2, 2, classes);
 
     assert_true(m.tools & SAGA_TOOL_CLASSES);
     assert_int_equal(m.features, 28);
     assert_int_equal(m.n_classes, 2);
     assert_memory_equal(m.classes, of, sizeof of);
-    m = model_of(6000, 6000, ORDER_2, 2);
-    assert_int_equal(m.features, 28);
     assert_int_equal(m.width[SAGA_NET_GEO], 0);
-    /* A still, shared anchors and few primitives have none. */
-    assert_int_equal(model_of(6000, 6000, SAGA_TOOL_VIEW, 2).n_classes, 0);
-    assert_int_equal(model_of(6000, 5999, ORDER_2, 2).n_classes, 0);
-    assert_int_equal(model_of(999, 999, ORDER_2, 2).n_classes, 0);
+    /* A still and shared anchors have none. */
+    m = ablated(6000, 6000, SAGA_TOOL_VIEW, 2, classes);
+    assert_int_equal(m.n_classes, 0);
+    m = ablated(6000, 5999, ORDER_2, 2, classes);
+    assert_int_equal(m.n_classes, 0);
+    assert_int_equal(model_of(6000, 6000, ORDER_2, 2).n_classes, 0);
 }
 
 /* A still's primitive has 11 attributes, motion of an order three more for
@@ -104,18 +110,16 @@ TEST(classes_should_be_of_still_and_moving)
 TEST(networks_should_be_what_a_scene_needs)
 {
     enum { ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T };
-    saga_model m = model_of(999, 999, SAGA_TOOLS_PICTURE, 2);
+    saga_model m = model_of(5999, 5999, SAGA_TOOLS_PICTURE, 2);
 
     assert_int_equal(m.features, 20);
     assert_int_equal(m.octaves, 1);
     assert_int_equal(m.width[SAGA_NET_GEO], 0);
     assert_int_equal(m.width[SAGA_NET_FINE], 0);
     assert_int_equal(m.width[SAGA_NET_COLOUR], 8);
-    m = model_of(999, 999, ORDER_2, 2);
+    m = model_of(6000, 6000, ORDER_2, 2);
     assert_int_equal(m.features, 16);
-    m = model_of(6000, 6000, SAGA_TOOL_VIEW, 2);
-    assert_int_equal(m.features, 12);
-    assert_int_equal(m.width[SAGA_NET_GEO], 24);
+    assert_int_equal(m.width[SAGA_NET_GEO], 32);
     /* The bank is only for who asks for it, however large the scene. */
     assert_int_equal(
         model_of(100000, 100000, ORDER_2, 3).tools & SAGA_TOOL_BANK, 0);

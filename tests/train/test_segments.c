@@ -379,7 +379,7 @@ static void classes_should_serve_all_segments(void **state)
     saga_train *t;
     slice s;
 
-    o.n_primitives = 1000;
+    o.ablate = "classes";
     t = stopped(f, &s, &o, &base);
     assert_int_equal(t->render.scene.model.n_classes, 2);
     for (uint32_t i = 0; i < t->render.scene.n.coarse; i++)

@@ -26,7 +26,8 @@ typedef struct saga_ablation {
     uint16_t plain_update; /* 1: there is a bank, and its update has no
                             * projection */
     uint16_t no_base;      /* 1: no base, even if things stand still */
-    uint16_t no_classes;   /* 1: all anchors have all features */
+    uint16_t classes;      /* 1: anchors of what never moves have fewer
+                            * features */
     /* These leave parts out of the paper's model (options.h); models without
      * the part do not change. */
     uint16_t no_interpolation; /* 1: K = 1, each anchor and primitive reads
@@ -50,8 +51,6 @@ typedef struct saga_ablation {
     X(no_base, "no-base", "        ", 1,                                       \
       "the base, which stores once what stands\n"                              \
       "               still")                                                  \
-    X(no_classes, "no-classes", "     ", 1,                                    \
-      "fewer features for what never moves")                                   \
     X(no_steep, "no-steep", "       ", 1,                                      \
       "splats that fall off more steeply than a\n"                             \
       "               normal distribution")                                    \
@@ -76,6 +75,8 @@ typedef struct saga_ablation {
       "with --model paper: the fusing networks")                               \
     X(no_hash, "no-hash", "        ", 1,                                       \
       "with --model paper: the residual hash")                                 \
+    X(classes, "classes", "        ", 1,                                       \
+      "give fewer features to what never moves")                               \
     X(raw_networks, "raw-networks", "   ", 1,                                  \
       "store network weights in steps of 1/2048,\n"                            \
       "               at no price")

@@ -129,15 +129,12 @@ static void set_hash(saga_model *m)
     m->width[SAGA_NET_RES] = 8;
 }
 
-/* Two classes of anchors save more bits of features than their networks take
- * from this number of primitives on (docs/lab/classes.md). */
-enum { CLASSES_PAY = 1000 };
-
+/* Classes lose in long trainings (docs/lab/classes.md), so there are some only
+ * if they are asked for. */
 static bool has_classes(const saga_model *m, const saga_model_terms *terms)
 {
-    return has_own_anchors(terms->options) && !terms->ablation->no_classes &&
-           (m->tools & SAGA_TOOLS_TIME) &&
-           terms->options->n_primitives >= CLASSES_PAY;
+    return has_own_anchors(terms->options) && terms->ablation->classes &&
+           (m->tools & SAGA_TOOLS_TIME);
 }
 
 /* Gives what never moves a class with a feature for each of its attributes, and
