@@ -41,11 +41,11 @@ enum {
 
 /* Fields that tools add to the header after its fixed part, in the order of the
  * file: the tool and its number of bytes. */
-#define SAGA_TOOL_FIELDS(X)    \
-    X(BANK, 15) /* networks */ \
-    X(HASH, 3)  /* network */  \
-    X(BASE, 16) /* sizes */    \
-    X(CLASSES, 13)
+#define SAGA_TOOL_FIELDS(X)       \
+    X(BANK, 15)    /* networks */ \
+    X(HASH, 3)     /* network */  \
+    X(BASE, 16)    /* sizes */    \
+    X(CLASSES, 13) /* features of each class */
 
 #define SAGA_TOOL_NBYTES(tool, nbytes) +(nbytes)
 

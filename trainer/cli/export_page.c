@@ -100,8 +100,8 @@ bool saga_page_write(const char *path, saga_film *film, bool *unwritten,
     saga_output out = { 0 };
     bool ok;
 
-    /* What cannot be a page is refused; then come the texts, and the file,
-     * which appears whole or not at all. */
+    /* A file that cannot be a page is refused. Then the texts are made, and the
+     * page, which appears whole or not at all. */
     *unwritten = false;
     if (!page)
         return saga_fail(error, path,

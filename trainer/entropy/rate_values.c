@@ -75,7 +75,7 @@ void saga_rate_keep_lacking(real *to, const saga_scene *s, saga_range of)
 {
     const size_t f = s->model.features;
 
-    /* Row by row, since a division takes as long as a row. */
+    /* A row takes one division, which each of its features would take, too. */
     for (size_t i = of.begin; i < of.end && s->model.n_classes;) {
         const size_t row = i / f;
         const size_t end = (row + 1) * f < of.end ? (row + 1) * f : of.end;

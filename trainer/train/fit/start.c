@@ -178,7 +178,7 @@ static void choose_supports(saga_start *x, const saga_scene *s)
             x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
         }
     }
-    /* These are the biases of a fixed F_fine (weight_rate.h). */
+    /* A fixed F_fine has them as biases (weight_rate.h). */
     for (size_t k = 0; k < 4 && s->model.n_classes; k++)
         x->log2_support[k] = ldexp(
             ceil(ldexp(x->log2_support[k], SAGA_FIXED_BIAS)), -SAGA_FIXED_BIAS);
@@ -319,18 +319,6 @@ static void add_bits(saga_fit *f)
     }
 }
 
-/* Removes the gradients of features that an anchor's class lacks. */
-static void drop_lacking(saga_fit *f)
-{
-    const size_t n = f->scene->model.features;
-
-    for (size_t i = 0; f->scene->model.n_classes && i < n * f->scene->n.coarse;
-         i++)
-        if (!saga_class_has(saga_scene_class(f->scene, i / n),
-                            (uint32_t)(i % n)))
-            f->grad.coarse_feature[i] = 0;
-}
-
 static bool descend(saga_fit *f, int turn, saga_error *error)
 {
     const saga_scene *const s = f->scene;
@@ -374,8 +362,9 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
         saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
         saga_twin_backward(&f->twin, &f->grad, &f->used);
         add_bits(f);
-        drop_lacking(f);
         ok = descend(f, i, error);
+        /* The step has moved what classes lack, too. */
+        saga_start_set_lacking(f->scene);
     }
     /* Features stay within their format. */
     for (size_t i = 0; i < n; i++)

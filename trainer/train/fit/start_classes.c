@@ -7,6 +7,7 @@
 #include "start_state.h"
 
 #include "alloc.h"
+#include "order.h"
 #include "scene_model.h"
 
 #include <math.h>
@@ -68,17 +69,10 @@ static double cost_of_stillness(const saga_start *x, const saga_scene *s,
 /* A primitive may be still if that costs less than this many bits, and all
  * still ones together may cost as much as their features for motion take, some
  * twenty bits each. The cost of one is too high, since training makes up for
- * most of it: of limits of 12 to 500 bits, 200 came out best
- * (docs/lab/classes.md). */
+ * most of it: of limits of 12 to 500 bits, 200 came out best in short
+ * trainings (docs/lab/classes.md). */
 #define STILL_BITS 200.0
 #define STILL_BITS_MEAN 20.0
-
-static int compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
 
 /* Returns the cost from which on primitives move. cost (n) gets sorted. */
 static double limit_of(double *cost, size_t n, double bit)
@@ -86,7 +80,8 @@ static double limit_of(double *cost, size_t n, double bit)
     double sum = 0;
     size_t i;
 
-    qsort(cost, n, sizeof *cost, compare);
+    /* From the cheapest on, as long as each and all together are in bounds. */
+    qsort(cost, n, sizeof *cost, saga_by_value);
     for (i = 0; i < n && cost[i] < STILL_BITS * bit; i++) {
         sum += cost[i];
         if (sum > STILL_BITS_MEAN * bit * (double)(i + 1))
@@ -99,7 +94,7 @@ bool saga_start_choose_classes(const saga_start *x, saga_fit *f,
                                saga_error *error)
 {
     saga_scene *const s = f->scene;
-    double *const cost = saga_alloc(x->n, sizeof *cost, what, error);
+    double *const cost = saga_alloc(2 * x->n, sizeof *cost, what, error);
     double limit;
 
     if (!cost)
@@ -108,10 +103,11 @@ bool saga_start_choose_classes(const saga_start *x, saga_fit *f,
         s->coarse[i].class = SAGA_CLASS_STILL;
     for (size_t i = 0; i < x->n; i++)
         cost[i] = cost_of_stillness(x, s, i);
-    limit = limit_of(cost, x->n, f->o.price.residual);
+    memcpy(cost + x->n, cost, x->n * sizeof *cost);
+    limit = limit_of(cost + x->n, x->n, f->o.price.residual);
     /* Two primitives may share an anchor, which moves if one of them does. */
     for (size_t i = 0; i < x->n && !s->still; i++)
-        if (cost_of_stillness(x, s, i) >= limit)
+        if (cost[i] >= limit)
             s->coarse[anchor_of(s, i)].class = SAGA_CLASS_MOVING;
     free(cost);
     return true;
