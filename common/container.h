@@ -4,13 +4,13 @@
  * headers. Each structure has one function, which either reads or writes its
  * fields. docs/bitstream.md has the tables.
  *
- *     header | INDX | NETS | base: COAR FINE PRIM | NAME | EXPO | OPUS
+ *     header | INDX | NETS | base: COAR FINE PRIM | NAME | EXPO | OPUS | VOLU
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
  * The header consists of its fixed part, the fields of tools (each only with
  * its tool), the cameras of the rig, and a CRC. The head ends with the last
- * chunk of the base. NAME, EXPO and OPUS are optional; no pixel depends on
- * them.
+ * chunk of the base. NAME, EXPO, OPUS and VOLU are optional; no pixel depends
+ * on them.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -35,6 +35,7 @@ enum {
     SAGA_CAMERA_NBYTES = 82,
     SAGA_EXPOSURE_NBYTES = 6, /* bytes of EXPO for each camera */
     SAGA_SOUND_NBYTES = 4,    /* bytes of OPUS before its Ogg stream */
+    SAGA_VOLUME_NBYTES = 50,  /* payload of VOLU */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
 };
@@ -68,6 +69,7 @@ enum {
 #define SAGA_CHUNK_NAMES SAGA_FOURCC('N', 'A', 'M', 'E')
 #define SAGA_CHUNK_EXPOSURES SAGA_FOURCC('E', 'X', 'P', 'O')
 #define SAGA_CHUNK_SOUND SAGA_FOURCC('O', 'P', 'U', 'S')
+#define SAGA_CHUNK_VOLUME SAGA_FOURCC('V', 'O', 'L', 'U')
 
 /* The header without its rig. */
 typedef struct saga_header {
@@ -183,8 +185,8 @@ extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 /* Returns the CRC-32C of a chunk, over its type and length as stored, then its
  * payload. It continues the CRC of the chunk's owner, so that the chunk is
  * valid with this owner only: the header for INDX and NETS, the chunk before
- * for a chunk of the base, NETS for NAME, EXPO and OPUS, the head's last chunk
- * for the chunks of a segment. */
+ * for a chunk of the base, NETS for NAME, EXPO, OPUS and VOLU, the head's last
+ * chunk for the chunks of a segment. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

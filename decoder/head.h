@@ -24,7 +24,8 @@ uint64_t saga_head_base(const saga_header *h);
  * header. */
 uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);
 
-/* Returns the stored CRC of NETS, which those of NAME, EXPO and OPUS continue.
+/* Returns the stored CRC of NETS, which those of NAME, EXPO, OPUS and VOLU
+ * continue.
  * The whole head is at bytes. */
 uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes);
 

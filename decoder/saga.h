@@ -306,6 +306,40 @@ typedef struct saga_sound {
  * one follows; else as saga_probe. */
 saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n);
 
+/* From where a film looks well. An eye at azimuth a, elevation e and distance d
+ * from the pivot stands at
+ *
+ *     pivot + d (cos e (cos a front + sin a side) + sin e up),
+ *     side = up x front
+ *
+ * in the box, with `up` scaled to length 1, and `front` without its part along
+ * `up`, scaled likewise. It is inside if |a| <= azimuth and e and d are in
+ * their ranges. Angles are in pi / 32768, distances in box units. */
+typedef struct saga_volume {
+    int32_t pivot[3];                    /* within +-2^29 */
+    uint32_t distance_min, distance_max; /* 0..2^30, in order */
+    int32_t floor;    /* height of the floor above the pivot along up, mostly
+                       * negative; -2^31: unknown */
+    int16_t up[3];    /* Q14, within 0.71 and 1.42 of length 1 */
+    int16_t front[3]; /* the same, nearly perpendicular to up */
+    uint16_t azimuth; /* 0..32768; 32768 is all round */
+    int16_t elevation_min, elevation_max; /* -16384..16384, in order */
+    uint16_t turn;  /* 0..32768: how far the eye may look away from the
+                     * pivot; 32768 is anywhere */
+    uint16_t start; /* camera of the rig with which a player begins; 0 if
+                     * there is none */
+    uint16_t quality_q8[2]; /* expected PSNR in dB, Q8: at the cameras, and half
+                             * way between neighbours; 0: unknown */
+} saga_volume;
+
+/* Finds the viewing volume. bytes[0..n): the start of the file. The chunk of
+ * the volume, if there is one, follows names, exposures and sound, or the head;
+ * bytes without the sound, and with the volume in its place, give the same.
+ * Returns SAGA_OK; ARG if the file has none; TRUNCATED if more bytes are
+ * needed; DATA; else as saga_probe. On an error *volume is unchanged. */
+saga_status saga_find_volume(saga_volume *volume, const uint8_t *bytes,
+                             size_t n);
+
 /* Decodes the bytes[0..n) of a segment into primitives, which replace those of
  * an earlier segment. segment: as from saga_find. Its number and frames must
  * equal those in the bytes, so that segments cannot be confused. Bytes of

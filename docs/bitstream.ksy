@@ -86,6 +86,17 @@ instances:
     pos: sound_at
     type: sound_chunk
     if: has_sound
+  volume_at:
+    value: 'sound_at + (has_sound ? 12 + sound.start.nbytes : 0)'
+  after_sound:
+    pos: volume_at
+    size: 4
+  has_volume:
+    value: after_sound == [86, 79, 76, 85]
+  volume:
+    pos: volume_at
+    type: volume_chunk
+    if: has_volume
 types:
   chunk:
     seq:
@@ -170,6 +181,12 @@ types:
         type: sound
       - id: stream
         size: start.nbytes - 4
+  volume_chunk:
+    seq:
+      - id: start
+        type: chunk_header
+      - id: fields
+        type: volume
   header:
     seq:
       - id: magic
@@ -607,6 +624,57 @@ types:
     seq:
       - id: start
         type: s4
+  volume:
+    seq:
+      - id: pivot
+        type: s4
+        repeat: expr
+        repeat-expr: 3
+        valid:
+          min: -536870912
+          max: 536870912
+      - id: distance_min
+        type: u4
+        valid:
+          max: 1073741824
+      - id: distance_max
+        type: u4
+        valid:
+          max: 1073741824
+      - id: floor
+        type: s4
+      - id: up
+        type: s2
+        repeat: expr
+        repeat-expr: 3
+      - id: front
+        type: s2
+        repeat: expr
+        repeat-expr: 3
+      - id: azimuth
+        type: u2
+        valid:
+          max: 32768
+      - id: elevation_min
+        type: s2
+        valid:
+          min: -16384
+          max: 16384
+      - id: elevation_max
+        type: s2
+        valid:
+          min: -16384
+          max: 16384
+      - id: turn
+        type: u2
+        valid:
+          max: 32768
+      - id: start
+        type: u2
+      - id: quality_q8
+        type: u2
+        repeat: expr
+        repeat-expr: 2
   segment_header:
     seq:
       - id: number

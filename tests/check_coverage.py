@@ -192,7 +192,8 @@ def rules_of_the_page():
     for name, heading in (("open", "**Opening**"), ("segment", "**A segment**"),
                           ("names", "**Names.**"),
                           ("exposures", "**Exposures.**"),
-                          ("sound", "**Sound.**")):
+                          ("sound", "**Sound.**"),
+                          ("volume", "**Volume.**")):
         table = text[text.index(heading):].split("| # | check |")[1]
         for line in table.splitlines()[2:]:
             number = re.match(r"\| (\d+) \|", line)

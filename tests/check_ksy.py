@@ -36,7 +36,7 @@ const compiler = require(path.join(here, "kaitai-struct-compiler.js"));
 const yaml = require(path.join(here, "js-yaml.js"));
 const KaitaiStream = require(path.join(here, "KaitaiStream.js"));
 const parsed = ["header", "bank", "base", "cameras", "crc", "index", "nets",
-                "base_chunks", "names", "exposures", "sound", "entries", "entry", "segment",
+                "base_chunks", "names", "exposures", "sound", "volume", "entries", "entry", "segment",
                 "start", "fields", "layers", "chunks", "coarse", "fine",
                 "prim"];
 
@@ -138,9 +138,12 @@ def path_of(name):
         parts = path_in_segment(number, parts[1:])
     elif parts == ["header", "crc"]:
         parts = ["crc"]
-    elif where in ("INDX", "NETS", "NAME", "EXPO", "OPUS"):
+    elif where in ("INDX", "NETS", "NAME", "EXPO", "OPUS", "VOLU"):
         parts[0] = {"INDX": "index", "NETS": "nets", "NAME": "names",
-                    "EXPO": "exposures", "OPUS": "sound"}[where] + ".start"
+                    "EXPO": "exposures", "OPUS": "sound",
+                    "VOLU": "volume"}[where] + ".start"
+    elif where == "volume":
+        parts[0] = "volume.fields"
     elif where == "exposure":
         parts[0] = f"exposures.cameras[{number}]"
     elif where == "base" and len(parts) == 3:

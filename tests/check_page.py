@@ -92,7 +92,8 @@ def unequal(f):
     entries = page.sizes["Index entry"] * f.n_segments
     for label, n in (("INDX", entries), ("NETS", f.get("header.nets_nbytes")),
                      ("EXPO", page.sizes["Exposure"] *
-                      f.get("header.n_cameras"))):
+                      f.get("header.n_cameras")),
+                     ("VOLU", page.sizes["Volume"])):
         if label in f.chunks:
             yield from same(f"the payload of {label}",
                             f.chunks[label].nbytes - 12, n)
@@ -150,7 +151,8 @@ def main():
         f = film.Film(FOLDER, name)
         seen.update(f.chunks)
         found += [f"{name}: {text}" for text in wrong(f)]
-    for label in ("NAME", "EXPO", "OPUS", "base.PRIM", "segment0.layer1.PRIM"):
+    for label in ("NAME", "EXPO", "OPUS", "VOLU", "base.PRIM",
+                  "segment0.layer1.PRIM"):
         if label not in seen:
             found.append(f"no file has {label}")
     print(*found[:20], sep="\n", end="\n" if found else "")

@@ -18,8 +18,9 @@ standard output:
                                   status
     gains CAMERA PATH             three gains, or a status
     world X Y Z PATH              three places, real numbers, or a status
+    sector PATH                   19 numbers of the volume, or a status
     KIND PATH                     the number of a status; KIND is status, last,
-                                  names, exposure or sound
+                                  names, exposure, sound or volume
     KIND SEGMENT T CAMERA PATH    the CRC of a picture, or a status; KIND is
                                   wide or depth; with --pictures
 
@@ -46,7 +47,7 @@ LEVEL_AT = 12       # where the header has the level, u8
 # The checks of opening that come before that of the level.
 BEFORE_LEVEL = tuple(f"open.{n}" for n in range(1, 10))
 # How many arguments the kinds of VALUES have.
-N_ARGUMENTS = {"time": 2, "name": 1, "gains": 1, "world": 3}
+N_ARGUMENTS = {"time": 2, "name": 1, "gains": 1, "world": 3, "sector": 0}
 
 
 def lines(name):

@@ -184,6 +184,24 @@ static saga_status world(char *text, const uint8_t *bytes, size_t n,
     return s;
 }
 
+/* Writes the fields of the volume. */
+static saga_status sector(char *text, const uint8_t *bytes, size_t n)
+{
+    saga_volume v;
+    const saga_status s = saga_find_volume(&v, bytes, n);
+
+    if (!s)
+        snprintf(text, ANSWER,
+                 "%" PRId32 " %" PRId32 " %" PRId32 " %" PRIu32 " %" PRIu32
+                 " %" PRId32 " %d %d %d %d %d %d %u %d %d %u %u %u %u",
+                 v.pivot[0], v.pivot[1], v.pivot[2], v.distance_min,
+                 v.distance_max, v.floor, v.up[0], v.up[1], v.up[2], v.front[0],
+                 v.front[1], v.front[2], v.azimuth, v.elevation_min,
+                 v.elevation_max, v.turn, v.start, v.quality_q8[0],
+                 v.quality_q8[1]);
+    return s;
+}
+
 static saga_status stages(char *text, const saga_stages_at *at,
                           const uint8_t *bytes, size_t n)
 {
@@ -218,9 +236,11 @@ static saga_status refusal(const char *kind, const uint8_t *bytes, size_t n)
     saga_exposure exposure;
     saga_naming naming;
     saga_sound sound;
+    saga_volume volume;
 
     return strcmp(kind, "names") == 0   ? saga_name_camera(&naming, bytes, n, 0)
            : strcmp(kind, "sound") == 0 ? saga_find_sound(&sound, bytes, n)
+           : strcmp(kind, "volume") == 0 ? saga_find_volume(&volume, bytes, n)
            : strcmp(kind, "exposure") == 0
                ? saga_find_exposure(&exposure, bytes, n, 0)
            : strcmp(kind, "last") == 0
@@ -262,6 +282,8 @@ static void answer(char *text, const char *kind, const int64_t *a,
         s = name_in_hex(text, bytes, n, (uint32_t)a[0]);
     } else if (strcmp(kind, "world") == 0) {
         s = world(text, bytes, n, a);
+    } else if (strcmp(kind, "sector") == 0) {
+        s = sector(text, bytes, n);
     } else {
         s = refusal(kind, bytes, n);
     }

@@ -124,13 +124,15 @@ class Film:
             at = self.add_chunk(f"base.{name}", at, self.last)
             self.last = f"base.{name}"
         self.head_nbytes = at
-        for name in ("NAME", "EXPO", "OPUS"):
+        for name in ("NAME", "EXPO", "OPUS", "VOLU"):
             if self.data[at:at + 4] == name.encode():
                 begin, at = at, self.add_chunk(name, at, "NETS")
                 for i in range(self.get("header.n_cameras")
                                if name == "EXPO" else 0):
                     self.add(f"exposure{i}", "Exposure", begin + 12 +
                              i * page.sizes["Exposure"])
+                if name == "VOLU":
+                    self.add("volume", "Volume", begin + 12)
 
     def read_segment(self, number):
         """Returns where the segment begins and ends."""

@@ -5,7 +5,8 @@ Kaitai Struct. The structures and their ranges come from the tables of
 docs/bitstream.md, and what joins them from TOP and JOINED below."""
 import page
 
-TYPES = {"u8": "u1", "u16": "u2", "u32": "u4", "u64": "u8", "i32": "s4"}
+TYPES = {"u8": "u1", "u16": "u2", "u32": "u4", "u64": "u8", "i16": "s2",
+         "i32": "s4"}
 
 TOP = """\
 # SPDX-License-Identifier: MIT
@@ -96,6 +97,17 @@ instances:
     pos: sound_at
     type: sound_chunk
     if: has_sound
+  volume_at:
+    value: 'sound_at + (has_sound ? 12 + sound.start.nbytes : 0)'
+  after_sound:
+    pos: volume_at
+    size: 4
+  has_volume:
+    value: after_sound == [86, 79, 76, 85]
+  volume:
+    pos: volume_at
+    type: volume_chunk
+    if: has_volume
 types:
 """
 
@@ -183,6 +195,12 @@ JOINED = """\
         type: sound
       - id: stream
         size: start.nbytes - 4
+  volume_chunk:
+    seq:
+      - id: start
+        type: chunk_header
+      - id: fields
+        type: volume
 """
 
 

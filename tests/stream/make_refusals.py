@@ -431,7 +431,7 @@ def layered(film):
         Edit(film, sign=False).cut(film.chunk("segment0.layer0.COAR").at))
 
 
-# --- Views, names, exposures, sound ------------------------------------------
+# --- Views, names, exposures, sound, volume ----------------------------------
 
 def views(film):
     for name, field in film.fields.items():
@@ -576,6 +576,84 @@ def exposures(film, without, with_base):
         Edit(film, sign=False).cut(chunk.end + 3), kind="sound")
 
 
+def volume(film, without, bare):
+    """Asks for the volume: in `film` with names, exposures and sound, in
+    `without`, which has no volume, and in `bare`, where the volume follows the
+    head."""
+    def ask(rule, name, status, edit):
+        row(f"volume.{rule}" if status else "volume", name, status, edit,
+            kind="volume")
+
+    chunk, n = film.chunk("VOLU"), page.sizes["Volume"]
+    names, exposures, sound = map(film.chunk, ("NAME", "EXPO", "OPUS"))
+    ask(1, "head+3", TRUNCATED, Edit(film, sign=False).cut(names.at + 3))
+    for label in ("NAME", "EXPO", "OPUS"):
+        ask(2, f"{label}.crc", DATA, Edit(film).damage(f"{label}.crc"))
+        ask(2, f"{label}.nbytes", TRUNCATED,
+            Edit(film).set(f"{label}.nbytes", len(film.data)))
+    for at in (names.end + 3, exposures.end + 3, sound.end - 1, sound.end + 3):
+        ask(2, f"cut={at}", TRUNCATED, Edit(film, sign=False).cut(at))
+    # What is left out or put in another order hides what follows.
+    ask(2, "without-OPUS", 0,
+        Edit(film, sign=False).replace(sound.at, sound.nbytes, b""))
+    ask(3, "none", ARG, Edit(without))
+    ask(3, "VOLU.type", ARG, Edit(film).set("VOLU.type", 0x58585858))
+    ask(3, "OPUS.type", ARG, Edit(film).set("OPUS.type", 0x58585858))
+    ask(3, "VOLU-before-OPUS", 0, Edit(film, sign=False).replace(
+        sound.at, sound.nbytes + chunk.nbytes, film.data[chunk.at:chunk.end] +
+        film.data[sound.at:sound.end]))
+    ask(4, "VOLU.crc", DATA, Edit(film).damage("VOLU.crc"))
+    ask(4, "VOLU.owner", DATA, Edit(film).owned("VOLU", 0))
+    ask(4, "VOLU.nbytes", TRUNCATED,
+        Edit(film).set("VOLU.nbytes", len(film.data)))
+    for by in (4, 11, chunk.nbytes - 1):
+        ask(4, f"VOLU.cut={by}", TRUNCATED,
+            Edit(film, sign=False).cut(chunk.at + by))
+    ask(4, "VOLU.cut=end", 0, Edit(film, sign=False).cut(chunk.end))
+    ask(4, "bare", 0, Edit(bare))
+    for by in (-n, -1, 1):
+        ask(5, f"VOLU.nbytes{by:+}", DATA, Edit(film).resize("VOLU", by))
+    # Each field beyond its range, and at its ends.
+    for name, field in film.fields.items():
+        for value in outside(field) if name.startswith("volume.") and \
+                field.ranges else ():
+            for k in range(field.count):
+                at = f"{name}[{k}]" if field.count > 1 else name
+                ask(6, f"{at}={value}", DATA, Edit(film).set(at, value))
+    ask(6, "distance_min>distance_max", DATA, Edit(film).set(
+        "volume.distance_min", film.get("volume.distance_max") + 1))
+    ask(6, "distance_min=distance_max", 0, Edit(film).set(
+        "volume.distance_min", film.get("volume.distance_max")))
+    ask(6, "elevation_min>elevation_max", DATA, Edit(film).set(
+        "volume.elevation_min", film.get("volume.elevation_max") + 1))
+    ask(6, "elevation_min=elevation_max", 0, Edit(film).set(
+        "volume.elevation_min", film.get("volume.elevation_max")))
+    ask(6, "start=n_cameras", DATA,
+        Edit(film).set("volume.start", film.get("header.n_cameras")))
+    ask(6, "start=0", 0, Edit(film).set("volume.start", 0))
+    # 2^27 = 8192^2 + 8192^2, 2^29 = 16384^2 + 16384^2, 2^24 = 1024 * 16384.
+    for status, name, up, front in (
+            (0, "shortest-up", (8192, 8192, 0), (0, 0, 16384)),
+            (DATA, "short-up", (8192, 8191, 0), (0, 0, 16384)),
+            (0, "longest-up", (16384, 16384, 0), (0, 0, 16384)),
+            (DATA, "long-up", (16384, 16384, 1), (0, 0, 16384)),
+            (0, "shortest-front", (0, 16384, 0), (8192, 0, -8192)),
+            (DATA, "short-front", (0, 16384, 0), (-8191, 0, 8192)),
+            (0, "longest-front", (0, 16384, 0), (-16384, 0, 16384)),
+            (DATA, "long-front", (0, 16384, 0), (16384, 1, 16384)),
+            (0, "up-front=2^24", (0, 16384, 0), (0, 1024, 16384)),
+            (DATA, "up-front=2^24+16384", (0, 16384, 0), (0, 1025, 16384)),
+            (0, "up-front=-2^24", (0, 16384, 0), (0, -1024, 16384)),
+            (DATA, "up-front=-2^24-16384", (0, 16384, 0), (0, -1025, 16384)),
+            (DATA, "up-front-wraps", (-23170, 0, 0), (-23170, 0, 0)),
+            (DATA, "square-wraps", (-32768, -32768, -32768), (0, 0, 16384))):
+        edit = Edit(film)
+        for k in range(3):
+            edit.set(f"volume.up[{k}]", up[k])
+            edit.set(f"volume.front[{k}]", front[k])
+        ask(6, name, status, edit)
+
+
 # --- Contents ----------------------------------------------------------------
 
 def contents(folder):
@@ -648,6 +726,7 @@ def main():
     names(film("names"))
     sound(film("sound"))
     exposures(film("exposures"), film("sound"), film("exposures_base"))
+    volume(film("volume"), film("sound"), film("volume_least"))
     counts(plain)
     depths(film("deepest_in_space"), film("deepest_in_time"))
     contents(folder)

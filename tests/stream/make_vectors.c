@@ -36,7 +36,7 @@ static const struct {
                 MEMBER(linear),     MEMBER(named),
                 MEMBER(exposed),    MEMBER(sounds),
                 MEMBER(base),       MEMBER(n_layers),
-                MEMBER(classes) };
+                MEMBER(classes),    MEMBER(bounded) };
 
 static void fail(const char *name, const char *what)
 {

@@ -5,7 +5,7 @@ import os
 import re
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
-TYPES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8, "i32": 4}
+TYPES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8, "i16": 2, "i32": 4}
 
 
 def bound(text):
@@ -35,7 +35,7 @@ class Field:
         self.offset, self.name = int(cells[0]), cells[3]
         self.type, self.count = kind[1], int(kind[2] or 1)
         self.size = int(cells[1]) // self.count
-        self.signed = self.type == "i32"
+        self.signed = self.type in ("i16", "i32")
         self.ranges = ranges(cells[4])
 
 

@@ -236,7 +236,7 @@ static int is_aside(const uint8_t *p, size_t n)
     const uint32_t type = n < 4 ? 0 : fx_load32_le(p);
 
     return type == SAGA_CHUNK_NAMES || type == SAGA_CHUNK_EXPOSURES ||
-           type == SAGA_CHUNK_SOUND;
+           type == SAGA_CHUNK_SOUND || type == SAGA_CHUNK_VOLUME;
 }
 
 void mutate_sign(uint8_t *bytes, size_t n)

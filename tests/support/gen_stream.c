@@ -9,6 +9,7 @@
 #include "morton.h"
 #include "ref_recorder.h"
 #include "scaffold.h"
+#include "film_volume.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -643,7 +644,8 @@ gen_stream gen_stream_make(const gen_options *o)
     uint64_t r = o->seed;
     gen_stream g = { .named = o->named,
                      .exposed = o->exposed,
-                     .sounds = o->sounds };
+                     .sounds = o->sounds,
+                     .bounded = o->bounded };
 
     fit_model(&g.header.model, &r, o);
     g.header.level = (uint8_t)o->level;
@@ -730,6 +732,64 @@ static int add_sound(uint8_t **bytes, size_t *n, saga_error *error)
     return 1;
 }
 
+saga_volume gen_stream_volume(int bounded)
+{
+    static const saga_volume of[3] = {
+        { { -3000000, 1, 0x01020304 },
+          4000000,
+          30000000,
+          -777777,
+          { 2000, -16000, 2890 },
+          { 16200, 2000, -140 },
+          9102,
+          -1820,
+          3641,
+          5461,
+          2,
+          { 9984, 8704 } },
+        { { -(1 << 29), -(1 << 29), -(1 << 29) },
+          0,
+          0,
+          INT32_MIN,
+          { 0, 0, -11586 },
+          { 0, 23120, 1448 },
+          0,
+          -16384,
+          -16384,
+          0,
+          0,
+          { 0, 0 } },
+        { { 1 << 29, 1 << 29, 1 << 29 },
+          1 << 30,
+          1 << 30,
+          INT32_MAX,
+          { 0, 0, 23170 },
+          { -11585, 0, 724 },
+          32768,
+          16384,
+          16384,
+          32768,
+          GEN_MAX_CAMERAS - 1,
+          { 65535, 65535 } },
+    };
+
+    return of[bounded - 1];
+}
+
+static int add_volume(uint8_t **bytes, size_t *n, int bounded,
+                      saga_error *error)
+{
+    const saga_volume volume = gen_stream_volume(bounded);
+    saga_bytes without = { *bytes, *n }, whole;
+
+    if (!saga_volume_put(&whole, "the stream", &without, &volume, error))
+        return 0;
+    saga_bytes_free(&without);
+    *bytes = whole.data;
+    *n = whole.nbytes;
+    return 1;
+}
+
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
 {
     saga_encode_sizes sizes;
@@ -744,7 +804,8 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
         ok = saga_encoder_segment(e, &g->segment[i * saga_n_layers(&g->header)],
                                   g->n_frames[i], &error);
     ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error) &&
-         (!g->sounds || add_sound(bytes, n, &error));
+         (!g->sounds || add_sound(bytes, n, &error)) &&
+         (!g->bounded || add_volume(bytes, n, g->bounded, &error));
     saga_encoder_free(e);
     if (!ok) {
         fprintf(stderr, "gen_stream: %s\n", error.message);

@@ -47,6 +47,7 @@ typedef struct gen_options {
     int named;         /* names of the cameras, and a unit of length */
     int exposed;       /* exposures of the cameras */
     int sounds;        /* gen_sound's sound, which begins at -1/10 s */
+    int bounded;       /* a viewing volume, that of gen_stream_volume */
     int base;          /* a base in addition to the segments */
     uint32_t n_layers; /* layers of each segment, up to GEN_MAX_LAYERS; 0:
                         * 1 */
@@ -65,7 +66,7 @@ typedef struct gen_stream {
                          GEN_MAX_LAYERS]; /* layer k of
                                            * segment i is i * layers + k */
     uint32_t n_frames[GEN_MAX_SEGMENTS];
-    int named, exposed, sounds;
+    int named, exposed, sounds, bounded;
 } gen_stream;
 
 /* Returns the next number of splitmix64, whose state begins as the seed. */
@@ -83,6 +84,11 @@ void gen_stream_name(saga_naming *naming, uint32_t camera);
  * three channels of camera 0 differ; the gains of cameras 1 and 2 are the
  * largest and the smallest that are valid. */
 saga_exposure gen_stream_exposure(uint32_t camera);
+
+/* Returns the viewing volume of a bounded stream. 1: fields that all differ; 2:
+ * each at the end of its range where that is possible together; 3: at the other
+ * end. */
+saga_volume gen_stream_volume(int bounded);
 
 /* Makes the file's bytes, which the caller frees; exits with a message if the
  * encoder refuses the stream. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "bytes_table.h"
 
-enum { N_ROWS = 13 };
+enum { N_ROWS = 14 };
 
 typedef struct {
     const char *name, *key;
@@ -20,6 +20,7 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         { "names", "names", l->names_nbytes },
         { "exposures", "exposures", l->exposures_nbytes },
         { "sound", "sound", l->sound_nbytes },
+        { "viewing volume", "volume", l->volume_nbytes },
         { "coarse anchors", "coarse", l->part_nbytes[SAGA_PART_COARSE] },
         { "fine anchors", "fine", l->part_nbytes[SAGA_PART_FINE] },
         { "primitives", "primitives", l->part_nbytes[SAGA_PART_PRIM] },

@@ -348,12 +348,12 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
 }
 
 /* Tells whether a chunk stands between the base and the segments (names,
- * exposures, sound). No picture needs such a chunk. */
+ * exposures, sound, volume). No picture needs such a chunk. */
 static bool is_aside(const saga_chunk *chunk)
 {
     return chunk->type == SAGA_CHUNK_NAMES ||
            chunk->type == SAGA_CHUNK_EXPOSURES ||
-           chunk->type == SAGA_CHUNK_SOUND;
+           chunk->type == SAGA_CHUNK_SOUND || chunk->type == SAGA_CHUNK_VOLUME;
 }
 
 void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Adds sound to a saga file, or removes it, without decoding. The chunk of
- * sound lies between the head and the segments; the segments are copied, and
- * only their positions in the index change.
+ * Adds sound to a saga file, or removes it, without decoding.
  */
 #ifndef SAGA_FILM_SOUND_H
 #define SAGA_FILM_SOUND_H

@@ -122,8 +122,8 @@ static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
     return true;
 }
 
-/* Reads the optional chunks of names, exposures and sound, which begin at byte
- * `at`. */
+/* Reads the optional chunks of names, exposures, sound and volume, which begin
+ * at byte `at`. */
 static bool take_aside(walk *w, uint64_t at)
 {
     saga_layout *const to = w->to;
@@ -135,7 +135,10 @@ static bool take_aside(walk *w, uint64_t at)
     to->sound_at = at;
     if (!take_if_there(&to->sound_nbytes, w, SAGA_CHUNK_SOUND, &at))
         return false;
-    to->sound_end = at;
+    to->volume_at = at;
+    if (!take_if_there(&to->volume_nbytes, w, SAGA_CHUNK_VOLUME, &at))
+        return false;
+    to->volume_end = at;
     return true;
 }
 
@@ -191,8 +194,8 @@ static bool take_head(walk *w, const saga_header *h)
     w->owner = c.crc;
     to->nets_at = at + SAGA_CHUNK_NBYTES;
     at = to->nets_at + c.nbytes;
-    /* Names, exposures and sound are stored after the base, but their CRCs
-     * continue from that of NETS. */
+    /* The optional chunks are stored after the base, but their CRCs continue
+     * from that of NETS. */
     return take_aside(w, at + h->base_nbytes) &&
            (!(h->model.tools & SAGA_TOOL_BASE) || take_base(w, h, at));
 }
@@ -297,7 +300,7 @@ static void count_other(saga_layout *to)
 {
     uint64_t known = (uint64_t)to->header_nbytes + to->index_nbytes +
                      to->nets_nbytes + to->names_nbytes + to->exposures_nbytes +
-                     to->sound_nbytes + to->framing_nbytes;
+                     to->sound_nbytes + to->volume_nbytes + to->framing_nbytes;
 
     for (int p = 0; p < SAGA_N_PARTS; p++)
         known += to->part_nbytes[p] + to->base_nbytes[p];

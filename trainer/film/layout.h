@@ -46,16 +46,18 @@ typedef struct saga_layout_segment {
 typedef struct saga_layout {
     uint64_t file_nbytes;
     uint32_t header_nbytes, index_nbytes, nets_nbytes, names_nbytes,
-        exposures_nbytes, sound_nbytes; /* the whole header; the others
-                                         * are payload sizes */
+        exposures_nbytes, sound_nbytes, volume_nbytes; /* the whole header; the
+                                                        * others are payload
+                                                        * sizes */
     uint32_t base_nbytes[SAGA_N_PARTS]; /* payload sizes; 0: the file has no
                                          * base */
     uint64_t nets_at;    /* offset of the payload of NETS; the chunks of
                           * the base follow it */
     uint64_t cameras_at; /* offset of the chunks of names and exposures, */
-    uint64_t sound_at;   /* of that of the sound, and of the byte after it;
-                          * a chunk that is absent has no bytes */
-    uint64_t sound_end;
+    uint64_t sound_at;   /* of that of the sound, */
+    uint64_t volume_at;  /* of that of the viewing volume, and of the byte
+                          * after it; a chunk that is absent has no bytes */
+    uint64_t volume_end;
     uint64_t part_nbytes[SAGA_N_PARTS]; /* payload sizes, summed over
                                          * segments */
     uint64_t framing_nbytes;            /* size of all chunk headers */

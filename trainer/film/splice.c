@@ -128,7 +128,16 @@ static span sound_of(const piece *p, int n_pieces)
                        p->end == l->n_segments;
 
     return (span){ p->part->bytes + l->sound_at,
-                   whole ? (size_t)(l->sound_end - l->sound_at) : 0 };
+                   whole ? (size_t)(l->volume_at - l->sound_at) : 0 };
+}
+
+/* Returns the chunk of the viewing volume, which every part of a film has. */
+static span volume_of(const piece *p)
+{
+    const saga_layout *const l = &p->layout;
+
+    return (span){ p->part->bytes + l->volume_at,
+                   (size_t)(l->volume_end - l->volume_at) };
 }
 
 /* Writes the fields of a header that must agree for two files to have the same
@@ -306,11 +315,11 @@ static void write_header(splice *s, const piece *p)
 static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
-    /* The first segment stands behind this chunk, the networks, the base, the
-     * names, the exposures and the sound. */
+    /* The first segment stands behind this chunk, the networks, the base, and
+     * the optional chunks. */
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
                   s->header.nets_nbytes + s->header.base_nbytes +
-                  cameras_of(p).n + sound_of(p, n_pieces).n;
+                  cameras_of(p).n + sound_of(p, n_pieces).n + volume_of(p).n;
 
     write_chunk_head(s, SAGA_CHUNK_INDEX, nbytes);
     for (int k = 0; k < n_pieces; k++)
@@ -364,6 +373,7 @@ static void write_all(splice *s, const piece *p, int n_pieces)
                 s->header.nets_nbytes + s->header.base_nbytes);
     write_bytes(s, cameras_of(p).bytes, cameras_of(p).n);
     write_bytes(s, sound_of(p, n_pieces).bytes, sound_of(p, n_pieces).n);
+    write_bytes(s, volume_of(p).bytes, volume_of(p).n);
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);
@@ -402,7 +412,7 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
     /* The size is exact, so writing never needs to enlarge the buffer. */
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
               h->base_nbytes + cameras_of(p).n + sound_of(p, n_pieces).n +
-              (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
+              volume_of(p).n + (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
     s->bytes = saga_alloc(nbytes, 1, "the file to be written", error);
     if (!s->bytes)
         return false;

@@ -26,8 +26,9 @@ typedef struct saga_splice_part {
 /* Makes the file that shows n_parts >= 1 parts one after another. The caller
  * releases *bytes with free(). The maxima in its head are those of its
  * segments, so joining all parts of a file that `saga encode` wrote gives
- * exactly that file. Names and exposures of the cameras are those of the first
- * part. The sound is kept only if one part is the whole film.
+ * exactly that file. Names and exposures of the cameras and the viewing volume
+ * are those of the first part. The sound is kept only if one part is the whole
+ * film.
  * Fails if a part is damaged, if its frames do not begin or end with a segment,
  * if it has fewer layers than wanted, or if heads or networks differ; *error
  * says which, and *bytes is NULL. */
