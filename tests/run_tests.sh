@@ -307,6 +307,7 @@ many() {
     check web python3 tests/cli/check_web.py
     check whole python3 tests/cli/check_whole.py
     check player python3 tests/cli/check_player.py
+    check phone python3 tests/cli/check_phone.py
     check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py

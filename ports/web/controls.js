@@ -93,6 +93,12 @@ export function addControls(viewer, element) {
             event.deltaY * (event.deltaMode ? 0.05 : 0.0015)))));
     }, { passive: false });
 
+    // Two fingers move the camera also where one finger scrolls the page.
+    element.addEventListener('touchstart', (event) => {
+        if (viewer.info && event.touches.length > 1)
+            event.preventDefault();
+    }, { passive: false });
+
     element.addEventListener('contextmenu', (event) =>
         event.preventDefault());
 }

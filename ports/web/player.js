@@ -22,6 +22,7 @@ import { heightOf, widthOf } from './camera.js';
 import { MARKUP, STYLE } from './markup.js';
 import { trust } from './places.js';
 import { Sound } from './sound.js';
+import { Tilt, hasTilt } from './tilt.js';
 import { visible } from './source.js';
 import { Viewer } from './viewer.js';
 import { enterHeadset, hasHeadset } from './xr.js';
@@ -55,6 +56,7 @@ export class SagaPlayer extends Base {
         this.viewer = new Viewer(this.canvas);
         this.viewer.loop = false;
         this.sound = new Sound(this.viewer);
+        this.tilt = new Tilt(this.viewer);
         this.watcher = new ResizeObserver(() => this.fit());
         this.listen();
     }
@@ -79,6 +81,7 @@ export class SagaPlayer extends Base {
     // Ends workers and gives the graphics processor's memory back.
     shut() {
         this.isShut = true;
+        this.tilt.stop();
         this.viewer.clear();
         this.sound.clear();
         this.viewer.screen.release?.();
@@ -140,7 +143,10 @@ export class SagaPlayer extends Base {
         on('sound', 'click', () => this.sound.toggle());
         this.sound.addEventListener('change', () => this.showSound());
         this.showSound();
+        on('tilt', 'click', () => this.toggleTilt());
+        this.$('tilt').hidden = !hasTilt();
         on('full', 'click', () => this.toggleFull());
+        this.$('full').hidden = !document.fullscreenEnabled;
         on('headset', 'click', () => this.enterHeadset());
         this.$('headset').hidden = true;
         hasHeadset().then((has) => {
@@ -357,6 +363,21 @@ export class SagaPlayer extends Base {
             document.exitFullscreen();
         else
             this.requestFullscreen();
+    }
+
+    async toggleTilt() {
+        const show = () => this.$('tilt').setAttribute('aria-pressed',
+            this.tilt.isOn);
+        const done = this.tilt.toggle();
+
+        try {
+            show();
+            await done;
+        } catch (error) {
+            this.tell(`the picture cannot follow the device (${
+                error.message})`);
+        }
+        show();
     }
 
     async enterHeadset() {
