@@ -280,8 +280,8 @@ many() {
     SAGA_LIB=$build/gcc/libsaga.a check abi python3 tests/check_abi.py
     SAGA_CHECK_VECTORS=$build/gcc/check_vectors \
         check conform tests/check_conform.sh
-    for name in round cli encode subject floors ablation rd codecs input \
-        install packages; do
+    for name in round cli encode subject volume floors ablation rd codecs \
+        input install packages; do
         check "$name" "tests/cli/check_$name.sh"
     done
     check devices tests/cli/check_devices.sh

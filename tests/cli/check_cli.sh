@@ -232,8 +232,9 @@ def complaints(j, said):
         ("frames", sum(x["n_frames"] for x in s), j["n_frames"]),
         ("chunks", j["crc"]["chunks_checked"], 2 +
          sum(1 + 3 * len(x["layers"]) for x in s) +
-         3 * (j["bytes"]["base"] > 0) + (j["bytes"]["names"] > 0) +
-         (j["bytes"]["exposures"] > 0) + (j["bytes"]["sound"] > 0)),
+         3 * (j["bytes"]["base"] > 0) +
+         sum(j["bytes"][kind] > 0
+             for kind in ("names", "exposures", "sound", "volume"))),
         ("other bytes", j["bytes"]["other"], 0),
         ("layers", {len(x["layers"]) for x in s}, {d["n_layers"]}),
         ("most primitives", max(x["n_primitives"] for x in s)

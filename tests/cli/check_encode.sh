@@ -528,7 +528,9 @@ join() {
         complain "join, not '$2': $(cat out err)"
 }
 join 0 'joined.saga: '
-cmp -s joined.saga seg.saga || complain "two ranks: another file"
+# A part has no viewing volume.
+"$saga" volume seg.saga --none -o bare.saga >out 2>err || complain "$(cat err)"
+cmp -s joined.saga bare.saga || complain "two ranks: another file"
 [ ! -e joined.saga.part ] || complain "a whole film is a part"
 # In a film of four segments these two parts are 0 and 3, or 0 and 1.
 sed -i 's/ of 2$/ of 4/' part_?.saga.part
@@ -560,7 +562,7 @@ expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0 --networks nets \
 says 'was begun with --seed 1, not 2'
 told 2 'there are no parts' cap -o x.saga "${small[@]}" --networks-only
 told 2 'give --lambda' cap -o x.saga --segment 2 --size 30k --networks-only
-rm -f nets part_* joined.saga seg.saga
+rm -f nets part_* joined.saga seg.saga bare.saga
 leaves
 verdict parts
 

@@ -52,7 +52,9 @@ for k in 0 1; do
 done
 "$saga" join part_0.saga part_1.saga -o joined.saga >out 2>err ||
     complain "join: $(cat err)"
-cmp -s joined.saga seg.saga || complain "two parts: another file"
+# A part has no viewing volume.
+"$saga" volume seg.saga --none -o bare.saga >out 2>err || complain "$(cat err)"
+cmp -s joined.saga bare.saga || complain "two parts: another file"
 verdict parts
 
 # ---- bad

@@ -23,5 +23,6 @@ extern const saga_command saga_command_report;
 extern const saga_command saga_command_synth;
 extern const saga_command saga_command_verify;
 extern const saga_command saga_command_view;
+extern const saga_command saga_command_volume;
 
 #endif

@@ -9,6 +9,7 @@
 #include "alloc.h"
 #include "cli.h"
 #include "file.h"
+#include "film_volume.h"
 #include "metrics.h"
 #include "splice.h"
 
@@ -256,7 +257,6 @@ static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
             !saga_film_open(&c->film, s->o->output, c->bytes.data,
                             c->bytes.nbytes, s->o->capture.threads, &s->error))
             return false;
-        c->nbytes = c->bytes.nbytes;
     }
     return true;
 }
@@ -296,6 +296,39 @@ static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
     return status;
 }
 
+/* Returns a mean PSNR, in dB, as the volume has it: Q8, at least 1, or 0 if it
+ * is unknown. */
+static uint16_t quality_q8(double psnr)
+{
+    return isnan(psnr) ? 0 : (uint16_t)fmin(fmax(rint(256 * psnr), 1), 65535);
+}
+
+/* Writes the file once more, with its viewing volume and the quality that was
+ * measured. A part of a film gets none, because the quality is that of the
+ * whole film, nor does a rig whose cameras determine none. */
+static bool add_volume(saga_encode_session *s, saga_film *film,
+                       saga_bytes *bytes)
+{
+    saga_error none = { "" };
+    saga_bytes whole = { NULL, 0 };
+    saga_volume v;
+    bool ok;
+
+    if (s->o->only >= 0 || !saga_volume_of(&v, film, &none))
+        return true;
+    v.quality_q8[0] = quality_q8(s->result.decoded.training);
+    v.quality_q8[1] = quality_q8(s->result.decoded.held_out);
+    ok = saga_volume_put(&whole, s->o->output, bytes, &v, &s->error) &&
+         saga_output_write(s->o->output, whole.data, whole.nbytes, &s->error);
+    if (ok) {
+        saga_layout_free(&s->result.layout);
+        ok = saga_layout_read(&s->result.layout, s->o->output, whole.data,
+                              whole.nbytes, &s->error);
+    }
+    saga_bytes_free(&whole);
+    return ok;
+}
+
 int saga_encode_check(saga_encode_session *s)
 {
     tally t = { .has_float = false };
@@ -317,9 +350,14 @@ int saga_encode_check(saga_encode_session *s)
         s->result.cut[k].quality = saga_quality_of(s->result.cut[k].sum,
                                                    s->result.cut[k].n);
     close_cuts(s);
+    s->result.decoded = saga_quality_of(t.sum, t.n);
+    if (!status && !add_volume(s, &film, &bytes))
+        status = written_but(s);
+    for (int k = 0; !status && k + 1 < s->o->layers; k++)
+        s->result.cut[k].nbytes = saga_layout_cut(&s->result.layout,
+                                                  (uint32_t)k + 1);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
-    s->result.decoded = saga_quality_of(t.sum, t.n);
     if (saga_encode_exposure(s) > 0)
         s->result.evened = saga_quality_of(t.even, t.n);
     s->result.agreement = saga_quality_of(t.agree, t.n_agree);

@@ -17,6 +17,7 @@
 #include "ogg_opus.h"
 #include "saga.h"
 #include "utf8.h"
+#include "volume_report.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -354,6 +355,11 @@ static json_t *report_of(const subject *s)
     saga_put(o, "metric", metric_of(s));
     saga_put(o, "exposure", exposure_of(s));
     saga_put(o, "sound", sound_of(s));
+    saga_put(o, "volume",
+             saga_volume_report(
+                 s->bytes, s->nbytes,
+                 &(saga_metric){
+                     s->unit, { s->centre[0], s->centre[1], s->centre[2] } }));
     saga_put_bytes(o, &s->layout);
     saga_put(o, "segments", segments_of(s));
     saga_put(o, "/cuts", cuts_of(s));
@@ -416,6 +422,7 @@ static const saga_line text[] = {
       "sound       Opus, {sound.n_channels} "
       "channel{sound.n_channels+s}, {sound.seconds:%.3f} s from "
       "{sound.start_seconds:%.3f} s on\n" },
+    SAGA_VOLUME_LINES,
     SAGA_BYTES_LINES,
     { "", NULL,
       "\n  seg   first  frames      bytes      bit/s  coarse    fine"

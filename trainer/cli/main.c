@@ -22,7 +22,7 @@ static const saga_command *const commands[] = {
     &saga_command_report, &saga_command_render, &saga_command_view,
     &saga_command_verify, &saga_command_export, &saga_command_import,
     &saga_command_cut,    &saga_command_join,   &saga_command_mux,
-    &saga_command_devices
+    &saga_command_volume, &saga_command_devices
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };

@@ -24,7 +24,7 @@ static const double pi = 3.14159265358979323846;
     (85 * pi / 180) /* up must not be the viewing direction */
 #define NEAREST 0.5
 #define FARTHEST 1.25
-#define BELOW_FLOOR 0.02 /* part of the opaque primitives that are below it */
+#define BELOW_FLOOR 0.05 /* part of the opaque primitives that are below it */
 
 enum { OPAQUE_Q20 = 4 << 20 }; /* 3 - log2 of an opacity of one half */
 

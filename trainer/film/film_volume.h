@@ -20,7 +20,7 @@
  *                          farthest's
  *     turn                 half of the angle that the first camera's picture
  *                          spans, along its shorter side
- *     floor                above which 98 % of the opaque primitives of the
+ *     floor                above which 95 % of the opaque primitives of the
  *                          first frame are
  *     start                the camera nearest to the front, which is the middle
  *                          of the rig, or camera 0 if the rig stands all round
