@@ -10,6 +10,8 @@ const TURN = Math.PI;      // radians for a drag across the canvas
 const STEP = Math.PI / 36; // radians for an arrow key
 const STRIDE = 24;         // pixels for a key that moves the camera
 const NEARER = 0.92;
+const SLOP = 10;           // pixels by which a finger moves until the browser
+                           // knows whether it scrolls the page
 
 // Keys without a modifier move the camera.
 const MOVES = {
@@ -35,7 +37,8 @@ export function moveByKey(viewer, key) {
 }
 
 export function addControls(viewer, element) {
-    const pointers = new Map(); // id -> { x, y }
+    const pointers = new Map(); // id -> { x, y, waits }; waits: a finger that
+                                // may still scroll the page
 
     // The middle and the spread of the touching pointers.
     const gauge = () => {
@@ -60,16 +63,23 @@ export function addControls(viewer, element) {
         if (!viewer.info)
             return;
         element.setPointerCapture(event.pointerId);
-        pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        pointers.set(event.pointerId, { x: event.clientX, y: event.clientY,
+            waits: event.pointerType === 'touch' });
         event.preventDefault();
     });
 
     element.addEventListener('pointermove', (event) => {
         if (!viewer.info || !pointers.has(event.pointerId))
             return;
+        const { x, y, waits } = pointers.get(event.pointerId);
+        const isHeld = waits && pointers.size === 1;
         const before = gauge();
 
+        if (isHeld && Math.hypot(event.clientX - x, event.clientY - y) < SLOP)
+            return;
         pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        if (isHeld)
+            return; // if it scrolls, the browser ends its events now
         const now = gauge();
         const dx = now.x - before.x, dy = now.y - before.y;
 
@@ -91,12 +101,6 @@ export function addControls(viewer, element) {
         event.preventDefault();
         viewer.dolly(Math.exp(Math.max(-0.5, Math.min(0.5,
             event.deltaY * (event.deltaMode ? 0.05 : 0.0015)))));
-    }, { passive: false });
-
-    // Two fingers move the camera also where one finger scrolls the page.
-    element.addEventListener('touchstart', (event) => {
-        if (viewer.info && event.touches.length > 1)
-            event.preventDefault();
     }, { passive: false });
 
     element.addEventListener('contextmenu', (event) =>

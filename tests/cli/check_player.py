@@ -484,6 +484,7 @@ def check_touch(tab):
     tab.wait("viewer.drawn.width === 720 && viewer.drawn.height === 1280")
     far, before = tab.run(DISTANCE), tab.run("viewer.pose.rotation")
     touch(tab, "touchStart", (180, 300))
+    touch(tab, "touchMove", (165, 300))
     touch(tab, "touchMove", (140, 300))
     touch(tab, "touchEnd")
     if tab.run("viewer.pose.rotation") == before or \
