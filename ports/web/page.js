@@ -8,6 +8,7 @@ import './player.js';
 import { FORMAT, parsePath } from './path.js';
 import { heightOf, widthOf } from './camera.js';
 import { visible } from './source.js';
+import { followTraining } from './training.js';
 import { carriedFilm, wholePage } from './whole.js';
 
 const $ = (id) => document.getElementById(id);
@@ -409,6 +410,8 @@ viewer.seconds = Number(asked.get('seconds')) || carried.seconds;
 $('save-page').hidden = Boolean($('film')); // the browser saves such a page
 $('stats').hidden = asked.get('stats') !== '1';
 $('path').hidden = !asked.has('path');
+if (carried.training)
+    followTraining();
 viewer.wantCrc = true;
 showPressed();
 showKeys();

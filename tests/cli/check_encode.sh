@@ -157,7 +157,7 @@ for signal in INT TERM; do
     [ "$rc" = 2 ] || complain "$signal: status $rc: $(cat err)"
     grep -q -e '--resume' err || complain "$signal: $(cat err)"
     [ -f s.saga ] && complain "$signal: a file already"
-    leaves s.saga.ckpt s.whole
+    leaves s.saga.ckpt s.saga.ckpt.csv s.whole
     expect 0 cap -o s.saga --resume --finish
     says 's.saga has what was trained so far, 4 frames in'
     "$dec" s.saga --camera rig:1 --time 0 --crc >out 2>err ||
@@ -258,7 +258,7 @@ for ((i = 0; i < 20; i++)); do
     kill -INT $pid 2>/dev/null
     wait $pid 2>/dev/null
     rc=$?
-    rm -f s.saga.ckpt s.csv
+    rm -f s.saga.ckpt s.saga.ckpt.csv s.csv
     [ $rc = 130 ] && break
 done
 [ $rc = 130 ] || complain "two Ctrl-C: status $rc: $(cat err)"
@@ -687,7 +687,7 @@ start
 told 2 'is being written by another run' cap -o k.saga "${small[@]}" --resume
 kill -KILL $pid
 wait $pid 2>/dev/null
-rm -f killed k.saga.ckpt
+rm -f killed k.saga.ckpt k.saga.ckpt.csv
 ls | grep -q '^k\.saga\.saga-part-' || complain "a killed run leaves $(ls)"
 touch k.saga.ckpt.saga-part-1-0
 expect 0 cap -o k.saga "${small[@]}"
@@ -774,7 +774,7 @@ rc=1
 step=2500
 [ -z "${SAGA_TEST_LONG:-}" ] || step=500
 for kib in $(seq 12000 $step 40000); do
-    rm -f m.saga.ckpt
+    rm -f m.saga.ckpt*
     (ulimit -c 0 -v "$kib"
      exec "$saga" encode cap -o m.saga --primitives 1000 --iterations 12 \
          --moving --threads 1) >out 2>err </dev/null
@@ -785,7 +785,7 @@ for kib in $(seq 12000 $step 40000); do
     grep -q '^saga: encode: .*: out of memory.*; take fewer' err ||
         complain "$kib KiB: status $rc: $(tail -n 1 err)"
     grep -q 'encode: the file was written, but: ' err && rm -f m.saga
-    leaves m.saga.ckpt
+    leaves m.saga.ckpt m.saga.ckpt.csv
 done
 [ "$rc" = 0 ] || complain "40,000 KiB are too little"
 [ "$n" -ge 4 ] || complain "memory ended $n times"

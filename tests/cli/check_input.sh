@@ -540,7 +540,8 @@ grep -q 'the checkpoint was not written: .*d/x.saga.ckpt: could not be written' 
     complain "full disk, checkpoint: $(cat err)"
 tail -n 1 err | grep -q 'd/x.saga: could not be written (File too large); .*free space.*--resume' ||
     complain "full disk, file: $(tail -n 1 err)"
-[ "$(ls d)" = x.saga.ckpt ] || complain "full disk leaves $(ls d)"
+[ "$(ls d | xargs)" = 'x.saga.ckpt x.saga.ckpt.csv' ] ||
+    complain "full disk leaves $(ls d)"
 cmp -s was d/x.saga.ckpt || complain "full disk: another checkpoint"
 "$saga" encode cap -o d/x.saga "${long[@]}" --resume --scratch d \
     >out 2>err </dev/null || complain "resumed: $(tail -n 1 err)"

@@ -22,6 +22,12 @@
   checkpoint  for the checkpoint of a stopped training, from the warm-up on, it
               serves the file that the training would write now, without
               changing the training
+  course      beside that film it serves the course of the training as far as
+              it is, as text whose lines are whole
+  finish      a POST of its own page, and of no other, lets the training stop
+              and write a file of its present state; the checkpoint stays. It
+              answers with a sentence if no training runs or the request cannot
+              be written. A request to an earlier run does not count
   large       for a camera of 16,384 x 16,384 pixels it neither draws nor
               keeps a picture of that size
   command     the address is printed on stdout; Ctrl-C ends with status 0; a
@@ -404,7 +410,11 @@ def check_checkpoint(tmp):
     checkpoint = tmp + "/x.saga.ckpt"
     encode(tmp, 10) # the warm-up has begun
     check_shown(tmp, checkpoint)
+    with open(checkpoint + ".finish", "w"):
+        pass # a request to the run before does not end this one
     encode(tmp, 2500, "--resume")
+    if os.path.exists(checkpoint + ".finish"):
+        complain("a request remains")
     check_shown(tmp, checkpoint)
     encode(tmp, 0, "--resume")
     now, flat = error_of(tmp, tmp + "/now.saga")
@@ -412,6 +422,91 @@ def check_checkpoint(tmp):
         complain("the squared error is", now, "at the checkpoint,", flat,
                  "of one colour")
     verdict("checkpoint")
+
+
+def train_on(tmp):
+    """Starts a training that takes far longer than the test; returns it once
+    it can be viewed."""
+    process = subprocess.Popen(
+        [SAGA, "encode", tmp + "/cap", "-o", tmp + "/y.saga", "--primitives",
+         "150", "--iterations", "1000000", "--ablate", "no-teachers",
+         "--checkpoint-every", "0"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    while process.poll() is None and not (
+            os.path.exists(tmp + "/y.saga.ckpt") and
+            read(tmp + "/y.saga.ckpt.csv").count(b"\n") > 3):
+        time.sleep(0.01)
+    return process
+
+
+def check_course(view):
+    status, lines, body = view.get("/course.csv")
+    rows = body.decode().split("\n")
+    if status != "200 OK" or "content-type: text/csv" not in lines or \
+            rows[0] != "iteration,stage,psnr,bits,seconds":
+        complain("the course is", status, rows[:2])
+        return
+    told = [re.fullmatch(r"(\d+),warm-up,([\d.]+),0,([\d.]+)", row)
+            for row in rows[1:-1]]
+    if not all(told) or any(int(b[1]) - int(a[1]) < 10 or
+                            float(b[3]) < float(a[3])
+                            for a, b in zip(told, told[1:])):
+        complain("the course is", rows)
+    while view.get("/course.csv")[2] == body:
+        time.sleep(0.01)
+    verdict("course")
+
+
+def check_finish(tmp):
+    process = train_on(tmp)
+    request = tmp + "/y.saga.ckpt.finish"
+    view = View(tmp + "/y.saga.ckpt")
+    shared = View(tmp + "/y.saga.ckpt", "--host", "127.0.0.2")
+    ours = "Origin: http://127.0.0.1:%d" % view.port
+
+    def post(*lines, path="/finish", at=view):
+        status, _, body = at.get(path, *lines, method="POST")
+        return status, body.decode()
+
+    check_course(view)
+    for want, answer in (
+            ("403", post()), ("403", post("Origin: null")),
+            ("403", post("Origin: http://example.org")),
+            ("403", post("Origin: http://127.0.0.1:1")),
+            ("403", post(ours.replace("http", "https"))),
+            ("405", post(ours, path="/")),
+            ("405", post(ours, path="/course.csv")),
+            ("404", post("Origin: http://127.0.0.2:%d" % shared.port,
+                         at=shared)),
+            ("404", view.get("/finish"))):
+        if not answer[0].startswith(want):
+            complain("a request to finish:", answer, "not", want)
+    os.mkdir(request)
+    status, told = post(ours)
+    if not status.startswith("409") or "y.saga.ckpt.finish" not in told:
+        complain("a request that cannot be written:", status, told)
+    os.rmdir(request)
+    if process.poll() is not None:
+        complain("the training has ended", process.stderr.read())
+    if post(ours)[0] != "202 Accepted":
+        complain("the page cannot ask")
+    text = process.communicate(timeout=60)[1].decode()
+    if process.returncode or "y.saga has what was trained so far" not in text:
+        complain("the training ends with", process.returncode, text)
+    now, flat = error_of(tmp, tmp + "/y.saga")
+    if not 0 < now < flat:
+        complain("the squared error is", now, "at the request,", flat,
+                 "of one colour")
+    status, told = post(ours)
+    if not status.startswith("409") or "is not in training" not in told or \
+            "--resume" not in told:
+        complain("after the end:", status, told)
+    if sorted(n for n in os.listdir(tmp) if n.startswith("y.")) != \
+            ["y.saga", "y.saga.ckpt", "y.saga.ckpt.csv"]:
+        complain("it leaves", os.listdir(tmp))
+    view.end()
+    shared.end()
+    verdict("finish")
 
 
 def make_large(path):
@@ -478,6 +573,7 @@ def main():
         check_slow(tmp)
         check_large(tmp)
         check_checkpoint(tmp)
+        check_finish(tmp)
     check_command(view)
     return 1 if checks.failed else 0
 

@@ -27,6 +27,8 @@
   numbers     the reported rate of pictures is that of the last two seconds
   view        `saga view` serves the page with the file, also after a token with
               --host, and the page computes the same CRC as the program
+  training    of a film in training the page shows the newest numbers, and a
+              curve of each through the times of the course
   rate        the time for a picture is reported, without a bound, since
               machines differ
 Without Chromium or the decoder in WebAssembly, the check prints that it was
@@ -602,6 +604,35 @@ def check_view(page, *options):
         complain("saga view ends with", view.returncode)
 
 
+def check_training(page, files):
+    """The panel of a training, for a course that ends in half a line."""
+    files["training.html"] = files["index.html"].replace(
+        b'{ "src": null,', b'{ "src": "still.saga", "training": true,')
+    files["course.csv"] = b"""iteration,stage,psnr,bits,seconds
+10,warm-up,20.0000,0,1.00
+20,rendering,30.0000,16000,2.00
+30,rendering,25.0000,8000,4.00
+40,rend"""
+    page.tab.go(page.server.url + "training.html?draw=exact")
+    page.settle()
+    page.tab.wait("document.getElementById('course-psnr').points.length")
+    told = page.tab.run("document.getElementById('training').innerText")
+    for text in "rendering, iteration 30, 4 s", "25.00 dB", "1.0 kB", "Finish":
+        if text not in told:
+            complain("of a training it shows", told)
+    # Pictures of 300 x 96: time to the right, each number between its bounds.
+    for name, want in (("psnr", "75.0,96.0 150.0,0.0 300.0,48.0"),
+                       ("bits", "150.0,0.0 300.0,96.0")):
+        got = page.tab.run("document.getElementById('course-%s')"
+                           ".getAttribute('points')" % name)
+        if got != want:
+            complain("the curve of", name, "is", got)
+    page.show("src=still.saga")
+    if page.tab.run("document.getElementById('training').checkVisibility()"):
+        complain("a finished film has the panel of a training")
+    verdict("training")
+
+
 # COUNT measures pictures a second over a number of pictures, which is larger if
 # the program was called only to measure rates.
 RATED = 200 if sys.argv[1:] else 20
@@ -684,6 +715,7 @@ def main():
             check_view(page)
             check_view(page, "--host", "127.0.0.2")
             verdict("view")
+            check_training(page, files)
             check_rate(page, rated)
             checks.complaints.extend(page.tab.log)
             verdict("console")

@@ -88,7 +88,7 @@ class Trial:
     def left(self):
         """Returns what must not remain: a result that is incomplete, and files
         that are neither a result nor a checkpoint."""
-        known = INPUTS | {self.out, self.out + ".ckpt"}
+        known = INPUTS | {self.out, self.out + ".ckpt", self.out + ".ckpt.csv"}
         left = set(os.listdir(".")) - known
         if not os.path.isdir(self.out) and os.path.exists(self.out) and \
                 not self.is_whole():

@@ -7,6 +7,7 @@
 #include "commands.h"
 #include "encode_session.h"
 #include "eval_cli.h"
+#include "file.h"
 #include "json_cli.h"
 #include "json_memory.h"
 #include "sweep.h"
@@ -37,10 +38,26 @@ static int make_film(saga_encode_session *s)
     if (status || s->finished)
         return status;
     status = saga_encode_train(s);
-    if (!status)
+    if (!status && !s->finished)
         status = saga_encode_write(s);
     /* A file that holds only networks has nothing to decode. */
-    return status || s->o->networks_only ? status : saga_encode_check(s);
+    return status || s->finished || s->o->networks_only ? status
+                                                        : saga_encode_check(s);
+}
+
+/* The course lasts as long as the checkpoint, a request as long as the run, so
+ * that the page sees the end. */
+static void end_course(saga_encode_session *s)
+{
+    saga_follow *const f = &s->progress.follow;
+    saga_error ignored = { "" };
+
+    (void)saga_encode_log_close(&s->progress.course, &ignored);
+    if (f->course && !saga_path_is_file(s->checkpoint))
+        unlink(f->course);
+    if (f->request)
+        unlink(f->request);
+    saga_follow_free(f);
 }
 
 static void free_session(saga_encode_session *s)
@@ -51,6 +68,7 @@ static void free_session(saga_encode_session *s)
     saga_gpu_close(s->gpu);
     saga_capture_free(&s->capture);
     saga_layout_free(&s->result.layout);
+    end_course(s);
     free(s->checkpoint);
     free(s->folder);
     free(s->poses.camera);
@@ -362,7 +380,10 @@ const saga_command saga_command_encode = {
     "Meanwhile a line shows the stage, the iteration, the PSNR of the\n"
     "training pictures, an estimate of the bits, and the time left. Ctrl-C\n"
     "saves FILE.saga.ckpt, from which --resume continues. `saga view` shows\n"
-    "it at any time, and --resume --finish makes a file of it.\n"
+    "it at any time, and --resume --finish makes a file of it, or a button\n"
+    "of that page while the training runs. The page's curve is in\n"
+    "FILE.saga.ckpt.csv, which lasts as long as the checkpoint; trainings\n"
+    "with --json, --sweep, --networks-only or --only have none.\n"
     "\n"
     "At the end the program reports the size, how good views of the cameras\n"
     "and between them are, and what came out well or badly. -v prints all\n"

@@ -23,6 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 /* The least size that can be asked for, in bytes. Networks and header take
  * about 4,000, and primitives need at least about 2,000 to show anything. */
@@ -419,12 +420,29 @@ static int open_training(saga_encode_session *s)
     return SAGA_EXIT_OK;
 }
 
+/* Begins the course, which people may watch, and forgets a request to the run
+ * before. A course that cannot be written stops no training: the page then has
+ * no curve. */
+static bool open_course(saga_encode_session *s)
+{
+    saga_follow *const w = &s->progress.follow;
+    saga_error ignored = { "" };
+
+    if (!saga_follow_names(w, s->checkpoint, &s->error))
+        return false;
+    unlink(w->request);
+    (void)saga_encode_log_open(&s->progress.course, w->course,
+                               saga_train_iteration(s->train), &ignored);
+    return true;
+}
+
 static int open_log(saga_encode_session *s)
 {
     s->progress.log_began = saga_clock_seconds();
-    if (!s->o->log ||
-        saga_encode_log_open(&s->progress.log, s->o->log,
-                             saga_train_iteration(s->train), &s->error))
+    if ((!saga_encode_can_finish(s->o) || open_course(s)) &&
+        (!s->o->log ||
+         saga_encode_log_open(&s->progress.log, s->o->log,
+                              saga_train_iteration(s->train), &s->error)))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
@@ -464,38 +482,6 @@ static void print_plan(const saga_encode_session *s)
                        saga_train_n_iterations(s->train));
 }
 
-/* Writes what the checkpoint has so far as a file. The checkpoint is kept, and
- * the capture is not needed. */
-static int write_early(saga_encode_session *s)
-{
-    saga_info info = { 0 };
-    uint8_t *now;
-    size_t n;
-    bool ok;
-
-    if (!saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE,
-                              "encode: there is no checkpoint %s to make a "
-                              "file of; leave --finish out",
-                              s->checkpoint);
-    ok = saga_train_peek(&now, &n, s->checkpoint, &s->error);
-    if (ok) {
-        /* A file of this name may have been a part. */
-        saga_part_forget(s->o->output);
-        (void)saga_probe(&info, now, n);
-        ok = saga_output_close(&s->out, fwrite(now, 1, n, s->out.file) == n,
-                               &s->error);
-    }
-    free(now);
-    s->finished = true;
-    return ok ? saga_cli_error(SAGA_EXIT_OK,
-                               "encode: %s has what was trained so far, %u "
-                               "frames in %zu bytes; %s is kept, and --resume "
-                               "alone goes on",
-                               s->o->output, info.n_frames, n, s->checkpoint)
-              : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
-}
-
 int saga_encode_open(saga_encode_session *s)
 {
     int status = check_output(s);
@@ -507,7 +493,7 @@ int saga_encode_open(saga_encode_session *s)
     if (status || s->finished)
         return status;
     if (s->o->finish)
-        return write_early(s);
+        return saga_encode_write_early(s);
     status = saga_cli_open_device(&s->gpu, s->o->device, "encode");
     if (!status)
         status = saga_encode_synchronise(s);

@@ -38,6 +38,11 @@ bool saga_encode_is_part(const saga_encode_options *o)
     return o->networks_only || o->only >= 0;
 }
 
+bool saga_encode_can_finish(const saga_encode_options *o)
+{
+    return !saga_encode_is_part(o) && !o->sweep && !o->json;
+}
+
 /* --- What excludes what -------------------------------------------------- */
 
 /* Returns what is wrong with the combination of options, or NULL. */
@@ -62,7 +67,7 @@ static const char *contradiction(const saga_encode_options *o,
           "determines the file's size" },
         { o->finish && !o->resume,
           "--finish needs --resume: it makes a file of a stopped training" },
-        { o->finish && (part || o->sweep || o->json),
+        { o->finish && !saga_encode_can_finish(o),
           "--finish makes no report, and no part of a film or of a sweep; "
           "leave --json, --networks-only, --only and --sweep out" },
         { o->log && o->sweep, "--log records one training, but --sweep has "

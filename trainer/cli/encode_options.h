@@ -73,6 +73,10 @@ bool saga_encode_is_paper(const saga_encode_options *o);
 /* Returns whether only a part of the capture's file is made. */
 bool saga_encode_is_part(const saga_encode_options *o);
 
+/* Returns whether the training can be cut short to a whole file without a
+ * report, by --finish or on request (follow.h). */
+bool saga_encode_can_finish(const saga_encode_options *o);
+
 /* Reports contradictions between options, and looks up preset and ablation.
  * Returns the exit status. */
 int saga_encode_check_options(const saga_encode_options *o,

@@ -8,6 +8,7 @@
 #include "cli.h"
 #include "encode_log.h"
 #include "train.h"
+#include "follow.h"
 
 #include <signal.h>
 
@@ -17,7 +18,11 @@ typedef struct saga_encode_progress {
     const volatile sig_atomic_t *signal; /* the signal that asked to stop; 0:
                                           * none */
     saga_meter meter;
-    saga_encode_log log;
+    saga_encode_log log;       /* of --log */
+    saga_encode_log course;    /* for `saga view` */
+    saga_follow follow;        /* without names if nobody can ask to finish */
+    bool asked;                /* the training was asked to finish, and stops */
+    double looked;             /* when a request was looked for */
     double started, log_began; /* seconds of saga_clock_seconds */
 } saga_encode_progress;
 

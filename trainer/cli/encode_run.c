@@ -13,12 +13,23 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Largest relative deviation from the requested size without a warning. */
 #define MOST_OFF 0.05
 
 /* --- Training ------------------------------------------------------------ */
+
+/* Makes the file that was asked for, of the checkpoint that was just written.
+ * What it replaces leaves the memory first. */
+static int finish_early(saga_encode_session *s)
+{
+    saga_train_free(s->train);
+    s->train = NULL;
+    saga_capture_free(&s->capture);
+    return saga_encode_write_early(s);
+}
 
 static int train_segment(saga_encode_session *s)
 {
@@ -29,7 +40,9 @@ static int train_segment(saga_encode_session *s)
     saga_meter_end(&s->progress.meter);
     saga_encode_complain(s);
     if (status == SAGA_STOPPED)
-        return saga_encode_stopped(s);
+        return s->progress.asked && !*s->progress.signal
+                   ? finish_early(s)
+                   : saga_encode_stopped(s);
     return status ? saga_encode_failed(s, SAGA_EXIT_DATA) : SAGA_EXIT_OK;
 }
 
@@ -90,17 +103,19 @@ int saga_encode_train(saga_encode_session *s)
 {
     int status = train_segment(s), next;
 
+    if (status || s->finished)
+        return status;
     /* After the first segment it is decided whether there is a base. */
-    if (!status && !s->o->networks)
+    if (!s->o->networks)
         print_base(s);
-    while (!status && goes_on(s, &next)) {
+    while (!status && !s->finished && goes_on(s, &next)) {
         status = saga_encode_load(s, next);
         if (!status && !saga_train_next(s->train, &s->capture, &s->error))
             return saga_encode_failed(s, SAGA_EXIT_DATA);
         if (!status)
             status = train_segment(s);
     }
-    if (!status)
+    if (!status && !s->finished)
         note_left_out(s);
     return status;
 }
@@ -179,6 +194,36 @@ static bool write_networks(saga_encode_session *s)
      * own. */
     saga_output_close(&s->out, false, &s->error);
     return saga_train_save_networks(s->train, s->o->output, &s->error);
+}
+
+int saga_encode_write_early(saga_encode_session *s)
+{
+    saga_info info = { 0 };
+    uint8_t *now;
+    size_t n;
+    bool ok;
+
+    if (!saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "encode: there is no checkpoint %s to make a "
+                              "file of; leave --finish out",
+                              s->checkpoint);
+    ok = saga_train_peek(&now, &n, s->checkpoint, &s->error);
+    if (ok) {
+        /* A file of this name may have been a part. */
+        saga_part_forget(s->o->output);
+        (void)saga_probe(&info, now, n);
+        ok = saga_output_close(&s->out, fwrite(now, 1, n, s->out.file) == n,
+                               &s->error);
+    }
+    free(now);
+    s->finished = true;
+    return ok ? saga_cli_error(SAGA_EXIT_OK,
+                               "encode: %s has what was trained so far, %u "
+                               "frames in %zu bytes; %s is kept, and --resume "
+                               "alone goes on",
+                               s->o->output, info.n_frames, n, s->checkpoint)
+              : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
 int saga_encode_write(saga_encode_session *s)

@@ -35,11 +35,26 @@ void saga_encode_complain(saga_encode_session *s)
     saga_cli_error(0, "encode: the checkpoint was not written: %s", complaint);
 }
 
+/* Looks for a request to finish, at most once a second: on a file server that
+ * takes milliseconds. A base alone makes no file, and without a checkpoint
+ * there is nothing to make one of, so that a request waits. */
+static bool is_asked(saga_encode_session *s, const saga_train_progress *p)
+{
+    const double now = saga_clock_seconds();
+
+    if (p->segment == SAGA_TRAIN_BASE || now - s->progress.looked < 1)
+        return false;
+    s->progress.looked = now;
+    return saga_follow_is_asked(&s->progress.follow) &&
+           saga_path_is_file(s->checkpoint);
+}
+
 /* Shows stage, iteration, PSNR and bits in one line, to which the meter adds
  * the time left. */
 bool saga_encode_training(void *user, const saga_train_progress *p)
 {
     saga_encode_session *const s = user;
+    const double seconds = saga_clock_seconds() - s->progress.log_began;
     char text[120];
     int n = 0;
 
@@ -52,8 +67,8 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
                   p->iteration, p->n_iterations);
     saga_encode_complain(s);
-    saga_encode_log_write(&s->progress.log, p,
-                          saga_clock_seconds() - s->progress.log_began);
+    saga_encode_log_write(&s->progress.log, p, seconds);
+    saga_encode_log_write(&s->progress.course, p, seconds);
     /* PSNR and bits are shown as soon as they are known. */
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB", p->psnr);
@@ -61,7 +76,8 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
         snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
                  p->bits / 1e3);
     saga_meter_show(&s->progress.meter, p->done, text);
-    return !*s->progress.signal;
+    s->progress.asked = is_asked(s, p);
+    return !*s->progress.signal && !s->progress.asked;
 }
 
 int saga_encode_failed(const saga_encode_session *s, int status)

@@ -43,7 +43,8 @@ typedef struct saga_encode_session {
     saga_encode_plan plan;
     char *checkpoint;
     char *folder;         /* of the output; the scratch file is there, too */
-    bool finished;        /* --resume found the finished file */
+    bool finished;        /* --resume found the finished file, or the file
+                           * was made early */
     saga_capture capture; /* the segment in memory */
     saga_gpu *gpu;        /* the device of --device, or NULL */
     saga_train *train;
@@ -80,6 +81,9 @@ int saga_encode_load(saga_encode_session *s, int segment);
 /* Opens the capture, and plans the training or restores it. */
 int saga_encode_open(saga_encode_session *s);
 int saga_encode_train(saga_encode_session *s);
+/* Writes what the checkpoint has so far as a file. The checkpoint is kept, and
+ * the capture is not needed. */
+int saga_encode_write_early(saga_encode_session *s);
 int saga_encode_write(saga_encode_session *s);
 
 /* Returns the largest relative difference between the cameras' exposures. */

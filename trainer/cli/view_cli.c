@@ -11,6 +11,7 @@
 #include "commands.h"
 #include "error.h"
 #include "file.h"
+#include "follow.h"
 #include "json_memory.h"
 #include "train.h"
 #include "view.h"
@@ -54,6 +55,9 @@ typedef struct {
     char *path;  /* path of the user's file */
     char *index; /* index.html with the page's data */
     saga_bytes bytes;
+    saga_follow follow; /* names only for the checkpoint of a training that
+                         * writes its course */
+    bool followed;
     saga_error error;
 } session;
 
@@ -150,10 +154,12 @@ static char *describe(session *s, const options *opt, const char *name)
     ok = saga_film_open_within(&film, name, &s->bytes, opt->seconds, &s->error);
     ok = ok && add_pictures(list, &film, &s->error);
     saga_film_close(&film);
-    /* The data has the file's address, the CRCs and the limit for decoding. */
+    /* The data has the file's address, the CRCs, the limit for decoding, and
+     * whether there is a course to show. */
     json_object_set_new(o, "src", json_string(s->path));
     json_object_set_new(o, "pictures", list);
     json_object_set_new(o, "seconds", json_integer(opt->seconds));
+    json_object_set_new(o, "training", json_boolean(s->followed));
     if (ok)
         text = json_dumps(o, JSON_COMPACT);
     json_decref(o);
@@ -203,12 +209,23 @@ static bool fill_in(session *s, const char *text)
     return true;
 }
 
+/* Asks the training to finish, when the page's button is pressed. */
+static bool finish(void *user, saga_error *error)
+{
+    const session *const s = user;
+
+    return saga_follow_ask(&s->follow, error);
+}
+
 /* Lists the files to serve: the page at "", its parts beside it, and the user's
  * file in film/. */
 static bool list_files(session *s, const char *text)
 {
-    /* Two more than the program contains: the completed page, and the film. */
-    s->n_files = saga_n_view_files + 2;
+    saga_http_file *next;
+
+    /* Four more than the program contains: the completed page, the film, and
+     * of a training the course and the request. */
+    s->n_files = saga_n_view_files + (s->followed ? 4 : 2);
     s->file = saga_calloc((size_t)s->n_files, sizeof *s->file, "the page",
                           &s->error);
     if (!s->file || !fill_in(s, text))
@@ -216,12 +233,25 @@ static bool list_files(session *s, const char *text)
     for (int i = 0; i < saga_n_view_files; i++) {
         const saga_view_file *const f = &saga_view_files[i];
 
-        s->file[i + 1] = (saga_http_file){ f->name, type_of(f->name), f->bytes,
-                                           f->nbytes };
+        s->file[i + 1] = (saga_http_file){ .path = f->name,
+                                           .type = type_of(f->name),
+                                           .bytes = f->bytes,
+                                           .nbytes = f->nbytes };
     }
-    s->file[s->n_files - 1] = (saga_http_file){
-        s->path, "application/octet-stream", s->bytes.data, s->bytes.nbytes
-    };
+    next = s->file + saga_n_view_files + 1;
+    *next++ = (saga_http_file){ .path = s->path,
+                                .type = "application/octet-stream",
+                                .bytes = s->bytes.data,
+                                .nbytes = s->bytes.nbytes };
+    if (s->followed) {
+        *next++ = (saga_http_file){ .path = "course.csv",
+                                    .type = "text/csv",
+                                    .source = s->follow.course };
+        *next++ = (saga_http_file){ .path = "finish",
+                                    .type = "text/plain",
+                                    .source = s->follow.request };
+        s->http.action = (saga_http_action){ "finish", finish, s };
+    }
     s->http.file = s->file;
     s->http.n_files = s->n_files;
     return true;
@@ -281,6 +311,17 @@ static int serve(session *s, const options *o)
     return SAGA_EXIT_OK;
 }
 
+/* Looks for the course of a checkpoint's training. */
+static bool follow(session *s, const char *name)
+{
+    if (!saga_has_suffix(name, ".ckpt"))
+        return true;
+    if (!saga_follow_names(&s->follow, name, &s->error))
+        return false;
+    s->followed = saga_path_is_file(s->follow.course);
+    return true;
+}
+
 /* Replaces a checkpoint by the file that was packed from it. */
 static bool unfold(session *s, const char *name)
 {
@@ -293,7 +334,7 @@ static bool unfold(session *s, const char *name)
         return false;
     saga_bytes_free(&s->bytes);
     s->bytes = (saga_bytes){ .data = packed, .nbytes = nbytes };
-    return true;
+    return follow(s, name);
 }
 
 static int view(session *s, const options *o, const char *name)
@@ -331,6 +372,7 @@ static int run_view(int argc, char **argv)
     free(s.file);
     free(s.index);
     free(s.path);
+    saga_follow_free(&s.follow);
     saga_bytes_free(&s.bytes);
     return status;
 }
@@ -370,7 +412,11 @@ const saga_command saga_command_view = {
     "A checkpoint of `saga encode` is shown as if the training had ended\n"
     "there: all finished segments, and the segment in training if it is the\n"
     "first or its rendering stage has begun. The training may continue\n"
-    "meanwhile. While a base is trained there is nothing to show.\n",
+    "meanwhile, and the page shows its PSNR and bytes against time, from\n"
+    "FILE.ckpt.csv. If it is good enough, a button makes FILE.ckpt.finish:\n"
+    "the training stops within seconds, or when the base is done, and writes\n"
+    "what it has, as --resume --finish does. While a base is trained there is\n"
+    "nothing to show.\n",
     option_list,
     (int)(sizeof option_list / sizeof option_list[0]),
     run_view,

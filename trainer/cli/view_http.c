@@ -2,6 +2,7 @@
 #include "view_http.h"
 
 #include "clock.h"
+#include "file.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -42,6 +43,7 @@ typedef struct {
     char head[HEAD_NBYTES]; /* head of the answer */
     size_t n_head, n_body, sent;
     const uint8_t *body; /* (n_body) */
+    saga_bytes read;     /* the body, if it was read for this client */
 } client;
 
 /* --- Answers ------------------------------------------------------------- */
@@ -70,8 +72,8 @@ static void refuse(client *c, const char *status)
 }
 
 /* Answers with the bytes [first, end) of a file; end = 0 means all of it. */
-static void give(client *c, const saga_http_file *file, size_t first,
-                 size_t end)
+static void give(client *c, const char *status, const saga_http_file *file,
+                 size_t first, size_t end)
 {
     const size_t nbytes = (end ? end : file->nbytes) - first;
     char range[96] = "";
@@ -85,11 +87,26 @@ static void give(client *c, const saga_http_file *file, size_t first,
                  "%sAccept-Ranges: bytes\r\nCache-Control: no-store\r\n"
                  "X-Content-Type-Options: nosniff\r\nConnection: close\r\n"
                  "\r\n",
-                 end ? "206 Partial Content" : "200 OK", file->type, nbytes,
-                 range);
+                 status, file->type, nbytes, range);
     c->n_head = (size_t)n;
     c->body = file->bytes + first;
     c->n_body = is_method(c, "HEAD") ? 0 : nbytes;
+}
+
+/* Answers with a status and a sentence, which is copied. */
+static void explain(client *c, const char *status, const char *sentence)
+{
+    saga_error ignored = { "" };
+    saga_http_file text = { .type = "text/plain; charset=utf-8" };
+
+    c->read.data = (uint8_t *)saga_string_copy(sentence, &ignored);
+    if (!c->read.data) {
+        refuse(c, status);
+        return;
+    }
+    text.bytes = c->read.data;
+    text.nbytes = strlen(sentence);
+    give(c, status, &text, 0, 0);
 }
 
 /* --- Requests ------------------------------------------------------------ */
@@ -156,21 +173,25 @@ static range_kind parse_range(size_t *first, size_t *end, const char *p,
     return *first<nbytes && * end> * first ? RANGE_PART : RANGE_OUTSIDE;
 }
 
+/* Tells whether the n characters of a path are `name`. */
+static bool is_path(const char *path, size_t n, const char *name)
+{
+    return strlen(name) == n && !memcmp(name, path, n);
+}
+
 static const saga_http_file *find_file(const saga_http *http, const char *path,
                                        size_t n)
 {
     for (int i = 0; i < http->n_files; i++)
-        if (strlen(http->file[i].path) == n &&
-            !memcmp(http->file[i].path, path, n))
+        if (is_path(path, n, http->file[i].path))
             return &http->file[i];
     return NULL;
 }
 
-/* Tells whether the request's Host is the address of the server, or its name if
- * it is 127.0.0.1. Browsers omit the port if it is 80. */
-static bool is_host_ours(const saga_http *http, const char *request)
+/* Tells whether a host, with its port, is the address of the server, or its
+ * name if it is 127.0.0.1. Browsers omit the port if it is 80. */
+static bool is_host_ours(const saga_http *http, const char *host)
 {
-    const char *const host = header(request, "Host");
     const char *const names[] = { http->host,
                                   strcmp(http->host, SAGA_HTTP_LOCAL) != 0
                                       ? http->host
@@ -211,17 +232,69 @@ static bool take_token(const char **path, const saga_http *http)
     return differs == 0;
 }
 
+/* Answers with a file, or the range of it that is asked for. */
+static void give_asked(client *c, saga_http_file file)
+{
+    size_t first = 0, end = 0;
+    /* Only GET has ranges (RFC 9110, 14.2). */
+    const char *const range = is_method(c, "GET") ? header(c->request, "Range")
+                                                  : NULL;
+
+    if (file.source) {
+        saga_error gone = { "" };
+
+        if (!saga_read_file(&c->read, file.source, &gone)) {
+            refuse(c, "404 Not Found");
+            return;
+        }
+        file.bytes = c->read.data;
+        file.nbytes = c->read.nbytes;
+    }
+    switch (parse_range(&first, &end, range, file.nbytes)) {
+    case RANGE_NONE:
+        give(c, "200 OK", &file, 0, 0);
+        break;
+    case RANGE_PART:
+        give(c, "206 Partial Content", &file, first, end);
+        break;
+    case RANGE_OUTSIDE:
+        refuse(c, "416 Range Not Satisfiable");
+        break;
+    }
+}
+
+/* Does what is asked for. Browsers send with every POST which page it is from:
+ * another page must not act for the user. */
+static void act(const saga_http *http, client *c)
+{
+    static const char scheme[] = "http://";
+    const char *const origin = header(c->request, "Origin");
+    const size_t n = sizeof scheme - 1;
+    saga_error error = { "" };
+
+    if (!origin || strncmp(origin, scheme, n) != 0 ||
+        !is_host_ours(http, origin + n)) {
+        refuse(c, "403 Forbidden");
+        return;
+    }
+    if (http->action.act(http->action.user, &error))
+        refuse(c, "202 Accepted");
+    else
+        explain(c, "409 Conflict", error.message);
+}
+
 /* Sets the answer to a complete request, whose first line must be "METHOD /PATH
  * HTTP/1.x". */
 static void answer(const saga_http *http, client *c)
 {
     const char *const end_of_line = strstr(c->request, "\r\n");
     const char *const space = strchr(c->request, ' ');
+    const bool post = is_method(c, "POST") && http->action.path;
     const saga_http_file *file;
-    const char *path, *range;
-    size_t first = 0, end = 0;
+    const char *path;
+    size_t n;
 
-    if (!is_method(c, "GET") && !is_method(c, "HEAD")) {
+    if (!is_method(c, "GET") && !is_method(c, "HEAD") && !post) {
         refuse(c, "405 Method Not Allowed");
         return;
     }
@@ -231,30 +304,24 @@ static void answer(const saga_http *http, client *c)
         refuse(c, "400 Bad Request");
         return;
     }
-    if (!is_host_ours(http, c->request)) {
+    if (!is_host_ours(http, header(c->request, "Host"))) {
         refuse(c, "403 Forbidden");
         return;
     }
-    file = take_token(&path, http)
-               ? find_file(http, path, strcspn(path, " ?#\r"))
-               : NULL;
-    if (!file) {
+    if (!take_token(&path, http)) {
         refuse(c, "404 Not Found");
         return;
     }
-    /* Only GET has ranges (RFC 9110, 14.2). */
-    range = is_method(c, "GET") ? header(c->request, "Range") : NULL;
-    switch (parse_range(&first, &end, range, file->nbytes)) {
-    case RANGE_NONE:
-        give(c, file, 0, 0);
-        break;
-    case RANGE_PART:
-        give(c, file, first, end);
-        break;
-    case RANGE_OUTSIDE:
-        refuse(c, "416 Range Not Satisfiable");
-        break;
-    }
+    n = strcspn(path, " ?#\r");
+    file = find_file(http, path, n);
+    if (post && is_path(path, n, http->action.path))
+        act(http, c);
+    else if (post)
+        refuse(c, "405 Method Not Allowed");
+    else if (file)
+        give_asked(c, *file);
+    else
+        refuse(c, "404 Not Found");
 }
 
 /* --- Connections --------------------------------------------------------- */
@@ -269,6 +336,7 @@ static void hang_up(client *c)
     if (c->fd >= 0)
         close(c->fd);
     c->fd = -1;
+    saga_bytes_free(&c->read);
 }
 
 /* Gives a connection a free place, or the place of the client that was inactive
