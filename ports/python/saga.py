@@ -122,6 +122,14 @@ class _Naming(_Struct):
                 ("metre_exponent", _I32)]
 
 
+class _Volume(_Struct):
+    _fields_ = [("pivot", _I32 * 3), ("distance_min", _U32),
+                ("distance_max", _U32), ("floor", _I32), ("up", _I16 * 3),
+                ("front", _I16 * 3), ("azimuth", _U16), ("elevation_min", _I16),
+                ("elevation_max", _I16), ("turn", _U16), ("start", _U16),
+                ("quality_q8", _U16 * 2)]
+
+
 class _Segment(_Struct):
     _fields_ = [("number", _U32), ("first_frame", _U32), ("n_frames", _U32),
                 ("offset", ctypes.c_uint64), ("nbytes", _U32), ("t", _I32)]
@@ -193,6 +201,7 @@ def _lib():
             ("find", [_PTR, _PTR, _SIZE, _U32, _U32]),
             ("rig", [_PTR, _PTR, _PTR, _SIZE, _U32]),
             ("name_camera", [_PTR, _PTR, _SIZE, _U32]),
+            ("find_volume", [_PTR, _PTR, _SIZE]),
             ("decode", [_PTR, _PTR, _PTR, _SIZE, _PTR]),
             ("view", [_PTR, _PTR, _I32]), ("draw", [_PTR, _PTR, _PTR, _U32]),
             ("tell", [_PTR, _PTR]),
@@ -213,6 +222,8 @@ def _check(status, what):
 Info = namedtuple("Info", "name nbytes version level n_frames n_segments fps "
                   "n_cameras n_layers max_primitives memory_nbytes "
                   "metres_per_unit centre_metres")
+Volume = namedtuple("Volume", "pivot nearest farthest azimuth lowest highest "
+                    "turn floor up front start psnr")
 
 
 def _in_turn(method):
@@ -363,6 +374,30 @@ class Film:
         state it."""
         naming = self._naming(0)
         return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
+
+    @property
+    @_in_turn
+    def volume(self):
+        """From where the film looks well (docs/bitstream.md, section 13), in
+        the capture's unit and in degrees, or None if the file does not say so.
+        psnr has two values, at the cameras and between them. What is unknown is
+        None."""
+        v = _Volume()
+        status = _lib().saga_find_volume(ctypes.byref(v), self._data,
+                                         len(self._data))
+        if status == _ARG:
+            return None
+        _check(status, self.info.name + ": the viewing volume")
+        unit, turn = self.info.metres_per_unit, 180 / 32768
+        up, front = ([x / math.hypot(*a) for x in a] for a in (v.up, v.front))
+        return Volume(
+            tuple(c + unit * x
+                  for c, x in zip(self.info.centre_metres, v.pivot)),
+            unit * v.distance_min, unit * v.distance_max, turn * v.azimuth,
+            turn * v.elevation_min, turn * v.elevation_max, turn * v.turn,
+            None if v.floor == -1 << 31 else unit * v.floor, tuple(up),
+            tuple(front), v.start,
+            tuple(q / 256 if q else None for q in v.quality_q8))
 
     @_in_turn
     def camera(self, index):

@@ -7,6 +7,7 @@
   pictures    every good vector that has a rig gives the checksums of
               vectors/MANIFEST; at times between frames the pixels are
               saga-dec's
+  volume      the viewing volume is that of `saga volume`
   errors      a missing, cut or damaged file, and cameras and times that do not
               exist, raise saga.Error; for a bad vector it has the status of
               vectors/MANIFEST
@@ -29,6 +30,7 @@ BUILD=... or build has libsaga.so.0 (`make shared`), SAGA=... is the program.
 import concurrent.futures
 import copy
 import ctypes
+import json
 import math
 import os
 import re
@@ -66,7 +68,8 @@ def check_structures(tmp):
                   "saga_segment": saga._Segment, "saga_picture": saga._Picture,
                   "saga_job": saga._Job, "saga_report": saga._Report,
                   "saga_animated": saga._Animated,
-                  "saga_naming": saga._Naming, "saga_watch": saga._Watch}
+                  "saga_naming": saga._Naming, "saga_watch": saga._Watch,
+                  "saga_volume": saga._Volume}
     lines, wanted = [], []
     for name, s in structures.items():
         lines.append(f'printf("%zu\\n", sizeof({name}));')
@@ -120,6 +123,28 @@ def check_names():
     film = saga.open("vectors/good/still.saga")
     if any(film.names) or film.metres != 0:
         v.complain("names where there are none:", film.names)
+
+
+# What `saga volume` calls the fields of saga.Volume.
+VOLUME = {"azimuth": "azimuth_degrees", "lowest": "lowest_degrees",
+          "highest": "highest_degrees", "turn": "turn_degrees"}
+
+
+def check_volume():
+    for name in "volume", "volume_least", "volume_most":
+        path = f"vectors/good/{name}.saga"
+        told = json.loads(subprocess.check_output(
+            [SAGA, "volume", path, "--json"], text=True))["volume"]
+        told["psnr"] = told["psnr_at_cameras"], told["psnr_between"]
+        for field, value in saga.open(path).volume._asdict().items():
+            other = told[VOLUME.get(field, field)]
+            pairs = zip(value, other) if isinstance(value, tuple) else \
+                [(value, other)]
+            for a, b in pairs:
+                if a != b and not abs(a - b) <= 1e-6 * max(1, abs(b)):
+                    v.complain(name, field, value, "not", other)
+    if saga.open("vectors/good/still.saga").volume is not None:
+        v.complain("a volume where there is none")
 
 
 def status_of(call):
@@ -428,6 +453,7 @@ try:
     for name, check, words in (("structures", check_structures, [tmp]),
                                ("pictures", check_pictures, [tmp]),
                                ("names", check_names, []),
+                               ("volume", check_volume, []),
                                ("errors", check_errors, []),
                                ("refusals", check_refusals, []),
                                ("promises", check_promises, []),

@@ -383,6 +383,7 @@ static bool prepare(session *s)
 {
     const options *const o = s->o;
     uint32_t index = 0, number;
+    saga_volume volume;
 
     if ((uint32_t)o->frames.b > s->film.info.n_frames)
         return saga_fail(&s->error, s->film.name, "give a range inside them",
@@ -395,6 +396,9 @@ static bool prepare(session *s)
         return false;
     if (o->orbit && !saga_orbit_of(&s->orbit, &s->film, &s->error))
         return false;
+    if (o->orbit &&
+        saga_find_volume(&volume, s->film.bytes, s->film.nbytes) == SAGA_OK)
+        saga_orbit_keep_inside(&s->orbit, &volume, &s->film.metric);
     if (o->look_at.given && !turn(s))
         return false;
     if (o->size.a)

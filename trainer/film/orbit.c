@@ -223,6 +223,32 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error)
     return ok;
 }
 
+void saga_orbit_keep_inside(saga_orbit *orbit, const saga_volume *volume,
+                            const saga_metric *metric)
+{
+    const double turn = pi / 32768;
+    const double half = volume->azimuth * turn;
+    const double front[3] = { volume->front[0], volume->front[1],
+                              volume->front[2] };
+    double elevation = atan2(orbit->height, orbit->radius);
+    double distance = hypot(orbit->height, orbit->radius);
+
+    /* A full circle becomes a swing about the front. */
+    if (orbit->closed && volume->azimuth < 32768) {
+        orbit->closed = false;
+        orbit->middle = atan2(dot3(front, orbit->side),
+                              dot3(front, orbit->ahead));
+        orbit->half = half;
+    }
+    orbit->half = fmin(orbit->half, half);
+    elevation = fmin(fmax(elevation, volume->elevation_min * turn),
+                     volume->elevation_max * turn);
+    distance = fmin(fmax(distance, metric->unit * volume->distance_min),
+                    metric->unit * volume->distance_max);
+    orbit->radius = distance * cos(elevation);
+    orbit->height = distance * sin(elevation);
+}
+
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
                        saga_error *error)
