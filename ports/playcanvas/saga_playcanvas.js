@@ -140,7 +140,7 @@ export class SagaEntity {
             view.toClip(this.values, modelView, projection)));
     }
 
-    placeCamera(camera, index = 0) {
+    placeCamera(camera, index = this.view.start) {
         placeCamera(this, camera, index);
     }
 

@@ -75,7 +75,7 @@ export class SagaSplatMesh extends SplatMesh {
         super.update(context);
     }
 
-    placeCamera(camera, index = 0) {
+    placeCamera(camera, index = this.view.start) {
         placeCamera(this, camera, index);
     }
 

@@ -140,7 +140,7 @@ export class SagaMesh extends THREE.Mesh {
         this.material.uniformsNeedUpdate = true;
     }
 
-    placeCamera(camera, index = 0) {
+    placeCamera(camera, index = this.view.start) {
         placeCamera(this, camera, index);
     }
 

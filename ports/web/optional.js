@@ -9,6 +9,7 @@ const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
 const ENTRY_NBYTES = 16;   // bytes of an entry of the index
 const MOST_NBYTES = 2 ** 17; // of names or exposures: more than the largest rig
                              // has
+const VOLUME_NBYTES = 64;  // enough to see whether the chunk VOLU has its length
 const USUAL_NBYTES = 4096; // enough for most names and the next chunk's header
 
 const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset,
@@ -29,8 +30,11 @@ export function *entriesOf(head, { nSegments }) {
 }
 
 // Sets the file's `head`, which goes on to the end of the cameras' names.
-// Returns where its sound ends, in bytes from the start of the file, or 0 if it
-// has none. bytes: the head alone.
+// Returns soundEnd, where its sound ends, in bytes from the start of the file,
+// or 0 if it has none; and the chunk that may be its viewing volume, with the
+// bytes before it but for the sound, which is long. Both are null if the first
+// segment leaves no room for a chunk.
+// bytes: the head alone.
 export async function readOptional(file, bytes) {
     let start = Infinity, at = file.info.headNbytes;
 
@@ -53,7 +57,17 @@ export async function readOptional(file, bytes) {
         if (type === 'NAME')
             file.head = bytes.subarray(0, end || at + 4);
     }
-    return endOf(bytes, at, 'OPUS');
+    const soundEnd = endOf(bytes, at, 'OPUS'), place = soundEnd || at;
+    const nbytes = Math.min(VOLUME_NBYTES, start - place);
+
+    if (nbytes < CHUNK_NBYTES)
+        return { soundEnd, before: null, chunk: null };
+    // A damaged length leads behind the file, which is no reason to refuse it.
+    const chunk = soundEnd
+        ? await file.read(place, nbytes).catch(() => new Uint8Array())
+        : (await readOn(place, nbytes)).subarray(place, place + nbytes);
+
+    return { soundEnd, before: bytes.subarray(0, at), chunk };
 }
 
 // Returns where the chunk at byte `at` ends, or 0 if it has another type.

@@ -91,7 +91,7 @@ async function openAsked() {
         frame: Number(asked.get('frame') || 0), crc }] : pictures))
         return;
     if (!viewer.setState(location.hash.slice(1))) {
-        viewer.selectCamera(Number(asked.get('camera') || 0));
+        viewer.selectCamera(Number(asked.get('camera') ?? viewer.start));
         viewer.seek(askedFrame() || 0);
     }
     noted = viewer.toState();

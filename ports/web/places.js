@@ -23,6 +23,16 @@ export function wasmAt(simd) {
         : new URL('./saga.wasm', import.meta.url);
 }
 
+// Returns addresses that mean the same in a worker.
+export const absolutePlaces = () => Object.fromEntries(Object.entries(places)
+    .map(([name, at]) => [name, at && new URL(at, document.baseURI).href]));
+
+// Returns the sentence for a worker that does not start. A browser says nothing
+// of why, if a policy forbids it or its script does not come.
+export const cannotStart = (why) => `the decoder cannot be started (${why ||
+    'worker.js does not come, or the page\'s Content-Security-Policy forbids ' +
+    'it; worker-src must allow it, and blob: if another server has it'})`;
+
 // Starts a worker of worker.js. In a worker, that is itself once more.
 export function startWorker() {
     if (!globalThis.document)

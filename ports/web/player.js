@@ -204,7 +204,8 @@ export class SagaPlayer extends Base {
         this.showParts();
         this.canvas.setAttribute('aria-label', `volumetric video ${
             viewer.name}; drag or use the arrow keys to look around`);
-        viewer.selectCamera(Number(this.getAttribute('camera')));
+        viewer.selectCamera(Number(
+            this.getAttribute('camera') ?? viewer.start));
         this.emit('durationchange');
         this.emit('loadedmetadata');
         if (this.hasAttribute('autoplay') && !still)

@@ -86,6 +86,31 @@ export interface SagaCamera {
     values: Int32Array;
 }
 
+/** From where a film looks well: a sector of a ball around the pivot. An eye of
+ * azimuth a, elevation e and distance d is at pivot + d (cos e (cos a front +
+ * sin a side) + sin e up), with side = up x front. Positions and distances are
+ * in the capture's unit, angles in radians. */
+export interface SagaViewingVolume {
+    pivot: number[];
+    /** The least and the largest distance of the eye from the pivot. */
+    distance: [number, number];
+    /** Height of the floor above the pivot, along up; null if unknown. */
+    floor: number | null;
+    up: number[];
+    front: number[];
+    /** The largest magnitude of the azimuth; pi is all round. */
+    azimuth: number;
+    /** The least and the largest elevation. */
+    elevation: [number, number];
+    /** How far the eye may look away from the pivot. */
+    turn: number;
+    /** The camera of the rig with which a player begins. */
+    start: number;
+    /** The expected PSNR in dB: at the cameras of the rig, and half way between
+     * neighbours; 0 if unknown. */
+    quality: [number, number];
+}
+
 export interface SagaSegment {
     number: number;
     firstFrame: number;
@@ -140,6 +165,8 @@ export class SagaFile {
     readonly info: SagaInfo;
     readonly rig: SagaCamera[];
     readonly segments: SagaSegment[];
+    /** Null if the file has none, or if it is damaged. */
+    readonly viewingVolume: SagaViewingVolume | null;
     readonly source: SagaSource;
     /** Milliseconds that the last segment, view and picture took. */
     readonly times: { segment: number; view: number; draw: number };

@@ -16,6 +16,7 @@ import { entriesOf, nameCameras, readOptional } from './optional.js';
 import { wasmAt } from './places.js';
 import { BlobSource, BytesSource, HttpSource, SagaError, joined }
     from './source.js';
+import { volumeOf } from './volume.js';
 
 export { BlobSource, BytesSource, HttpSource, SagaError };
 
@@ -180,7 +181,13 @@ export class SagaFile {
         this.tellInfo();
         bytes = await this.readOn(bytes, this.info.headNbytes);
         this.head = bytes;
-        this.soundEnd = await readOptional(this, bytes);
+        const { soundEnd, before, chunk } = await readOptional(this, bytes);
+
+        this.soundEnd = soundEnd;
+        this.volumeStatus = chunk ? this.findVolume(before, chunk) : ARG;
+        // Like names, a damaged one is no reason to refuse the film.
+        this.viewingVolume = this.volumeStatus === 0
+            ? volumeOf(chunk, this.info) : null;
         this.check(this.probe(this.head), 'its header is refused');
         this.startClock();
         this.check(this.wasm.saga_web_open(), 'its networks are refused');
@@ -191,6 +198,13 @@ export class SagaFile {
         this.nameStatus = this.wasm.saga_web_find_names();
         if (this.nameStatus === 0)
             nameCameras(this);
+    }
+
+    findVolume(before, chunk) {
+        const bytes = joined([before, chunk], before.length + chunk.length);
+
+        this.write(this.wasm.saga_web_head(bytes.length), bytes);
+        return this.wasm.saga_web_find_volume();
     }
 
     // Throws the reason why the start of a file is none of a .saga file.

@@ -95,6 +95,11 @@ EXPORT(saga_web_rig) int32_t saga_web_rig(uint32_t index);
  * memory. If it is SAGA_OK, all names are right. */
 EXPORT(saga_web_find_names) int32_t saga_web_find_names(void);
 
+/* Returns the status of saga_find_volume for the head's memory, which may hold
+ * the chunk of the volume in the place of the sound. The file need not be
+ * open. JavaScript reads the fields. */
+EXPORT(saga_web_find_volume) int32_t saga_web_find_volume(void);
+
 /* Calls saga_find_sound; saga_web_sound returns the result. The head's memory
  * must hold the file up to 4 bytes after the end of its sound. The file need
  * not be open. */
@@ -300,6 +305,13 @@ int32_t saga_web_find_names(void)
     saga_naming naming;
 
     return saga_name_camera(&naming, web.head, web.head_nbytes, 0);
+}
+
+int32_t saga_web_find_volume(void)
+{
+    saga_volume volume;
+
+    return saga_find_volume(&volume, web.head, web.head_nbytes);
 }
 
 /* --- Sound --------------------------------------------------------------- */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-import type { SagaCamera, SagaInfo, SagaSegment } from './saga.js';
+import type { SagaCamera, SagaInfo, SagaSegment, SagaViewingVolume }
+    from './saga.js';
 
 /** A key camera, in the capture's units. */
 export interface KeyCamera {
@@ -32,6 +33,10 @@ export class Viewer extends EventTarget {
     readonly rig: SagaCamera[];
     readonly segments: SagaSegment[];
     readonly hasSound: boolean;
+    /** From where the film looks well; null if the file does not say. */
+    readonly viewingVolume: SagaViewingVolume | null;
+    /** The camera of the rig with which the film begins. */
+    readonly start: number;
     readonly name: string;
     /** Why nothing is shown, with the codes of MediaError; or null. */
     readonly error: { code: number; message: string } | null;

@@ -27,7 +27,7 @@ import { GpuScreen, PlainScreen } from './gpu.js';
 import { visible } from './source.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
-import { places, startWorker } from './places.js';
+import { absolutePlaces, cannotStart, startWorker } from './places.js';
 
 const TIME_DEN = 256; // steps of time between two frames, while it plays
 const REST_MS = 150;  // time without a change, after which the sharp picture is
@@ -38,16 +38,6 @@ const MOST_MS = 250;  // largest step of the clock
 const WAIT_MS = 200;  // delay of a late segment, after which `waiting` is
                       // emitted
 const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // limits of what is fetched
-
-// Returns the sentence for a worker that does not start. A browser says nothing
-// of why, if a policy forbids it or its script does not come.
-const cannotStart = (why) => `the decoder cannot be started (${why ||
-    'worker.js does not come, or the page\'s Content-Security-Policy forbids ' +
-    'it; worker-src must allow it, and blob: if another server has it'})`;
-
-// Returns addresses that mean the same in a worker.
-const absolute = (list) => Object.fromEntries(Object.entries(list).map(
-    ([name, at]) => [name, at && new URL(at, document.baseURI).href]));
 
 // Calls back when the page shows its next picture.
 export const onPage = (call) => requestAnimationFrame(call);
@@ -79,6 +69,7 @@ export class Viewer extends EventTarget {
         this.rig = [];
         this.segments = [];
         this.hasSound = false;
+        this.viewingVolume = null;
         this.clear();
     }
 
@@ -146,21 +137,24 @@ export class Viewer extends EventTarget {
             this.worker.onerror = (event) => reject(this.fail(
                 cannotStart(event.message)));
             this.worker.postMessage({ open: address, simd: this.simd,
-                seconds: this.seconds, places: absolute(places),
+                seconds: this.seconds, places: absolutePlaces(),
                 credentials: this.credentials });
         });
     }
 
-    begin({ info, rig, segments, hasSound, name, size, simd }) {
+    begin({ info, rig, segments, hasSound, viewingVolume: volume, name, size,
+        simd }) {
         Object.assign(this, { info, rig, segments, hasSound, size,
-            name: visible(name), usesSimd: simd });
+            name: visible(name), usesSimd: simd, viewingVolume: volume });
         const poses = rig.map((camera) => cam.poseOf(camera.values));
 
         this.home = rig.length ? rig[0].values : cam.standInLens();
-        this.focus = rig.length ? cam.focusOf(poses) : [0, 0, 0];
-        this.up = rig.length ? cam.upOf(poses) : [0, -1, 0];
+        this.focus = volume ? this.toUnits(volume.pivot)
+            : rig.length ? cam.focusOf(poses) : [0, 0, 0];
+        this.up = volume ? volume.up
+            : rig.length ? cam.upOf(poses) : [0, -1, 0];
         // Listeners of `opened` may move the camera at once.
-        this.placeCamera(0);
+        this.placeCamera(this.start);
         this.emit('opened');
         this.changed();
     }
@@ -178,6 +172,11 @@ export class Viewer extends EventTarget {
     }
 
     // --- Camera
+
+    // The camera with which the film begins.
+    get start() {
+        return this.viewingVolume?.start ?? 0;
+    }
 
     // Selects camera `index` of the rig, which is exact until it is moved.
     selectCamera(index) {

@@ -99,10 +99,11 @@ async function open({ open: source, simd = hasSimd(), seconds,
         { module, seconds });
     next = file.segments.length > 1 && globalThis.Worker
         ? new Next(file, module) : null;
-    const { info, rig, segments, hasSound } = file;
+    const { info, rig, segments, hasSound, viewingVolume } = file;
     const { name, size } = file.source;
 
-    return { opened: { info, rig, segments, hasSound, name, size, simd } };
+    return { opened: { info, rig, segments, hasSound, viewingVolume, name, size,
+        simd } };
 }
 
 async function lookAhead(numbers) {

@@ -38,6 +38,7 @@ import { SagaPlayer } from 'saga-web/player.js';
 import { GpuScreen, SplatPainter } from 'saga-web/gpu.js';
 import { floatsOf } from 'saga-web/engine.js';
 import { Viewer } from 'saga-web/viewer.js';
+import { outside } from 'saga-web/volume.js';
 import { addControls, moveByKey } from 'saga-web/controls.js';
 import { enterHeadset, hasHeadset } from 'saga-web/xr.js';
 import { SagaMesh } from 'saga-three';
@@ -75,7 +76,11 @@ export async function inThree(scene: THREE.Scene,
     const film = await SagaMesh.load('scene.saga', { simd: true });
     const other = await SagaSplatMesh.load('scene.saga');
 
+    const volume = film.view.viewingVolume;
+    const off: number = volume ? outside(volume, camera.position.toArray()) : 0;
+
     scene.add(film, new SparkRenderer({ renderer }), other);
+    console.log(off);
     film.placeCamera(camera);
     film.view.play();
     other.view.seek(3);

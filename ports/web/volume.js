@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+//
+// The viewing volume of a film: from where it looks well. It is a sector of a
+// ball around a pivot, in azimuth, elevation and distance (docs/bitstream.md,
+// section 13). Positions are in the capture's unit, angles in radians.
+
+import { add, cross, dot, norm, sub, times, unit } from './camera.js';
+
+const HEADER_NBYTES = 12;    // of the chunk, before its fields
+const HALF_TURN = 32768;     // pi in the file's angles
+const NO_FLOOR = -(2 ** 31); // the floor is unknown
+const WORSE = 20;            // dB lost per radian outside the volume, a guess
+
+// Returns the volume of a chunk VOLU, which the decoder has found right, of a
+// file with this `info`.
+export function volumeOf(chunk, { centre, unit: size }) {
+    const view = new DataView(chunk.buffer, chunk.byteOffset + HEADER_NBYTES);
+    const three = (read) => [0, 1, 2].map(read);
+    const direction = (at) => three((i) => view.getInt16(at + 2 * i, true));
+    const angle = (n) => n * Math.PI / HALF_TURN;
+    const up = unit(direction(24)), ahead = direction(30);
+    const floor = view.getInt32(20, true);
+
+    return {
+        pivot: three((i) => centre[i] + size * view.getInt32(4 * i, true)),
+        distance: [12, 16].map((at) => size * view.getUint32(at, true)),
+        floor: floor === NO_FLOOR ? null : size * floor,
+        up, front: unit(sub(ahead, times(up, dot(ahead, up)))),
+        azimuth: angle(view.getUint16(36, true)),
+        elevation: [38, 40].map((at) => angle(view.getInt16(at, true))),
+        turn: angle(view.getUint16(42, true)),
+        start: view.getUint16(44, true),
+        quality: [46, 48].map((at) => view.getUint16(at, true) / 256),
+    };
+}
+
+// Returns the position of an eye { azimuth, elevation, distance }.
+export function eyeAt(volume, { azimuth: a, elevation: e, distance: d }) {
+    const { pivot, up, front } = volume;
+    const level = add(times(front, Math.cos(a)),
+        times(cross(up, front), Math.sin(a)));
+
+    return add(pivot, times(add(times(level, Math.cos(e)),
+        times(up, Math.sin(e))), d));
+}
+
+// Returns { azimuth, elevation, distance } of an eye.
+export function placeOf(volume, eye) {
+    const { pivot, up, front } = volume;
+    const off = sub(eye, pivot), height = dot(off, up);
+    const x = dot(off, front), y = dot(off, cross(up, front));
+
+    return { azimuth: Math.atan2(y, x),
+        elevation: Math.atan2(height, Math.hypot(x, y)), distance: norm(off) };
+}
+
+// Returns the place inside the volume that is nearest in each of the three.
+export function inside(volume, { azimuth, elevation, distance }) {
+    const within = (x, [least, most]) => Math.max(least, Math.min(most, x));
+
+    return { azimuth: within(azimuth, [-volume.azimuth, volume.azimuth]),
+        elevation: within(elevation, volume.elevation),
+        distance: within(distance, volume.distance) };
+}
+
+// Returns how far an eye that looks `forward` is outside, as an angle: of the
+// way to the volume as seen from the pivot, of the logarithm of the distance,
+// and of what it looks past the pivot more than it should. 0 is inside.
+export function outside(volume, eye, forward) {
+    const at = placeOf(volume, eye), to = inside(volume, at);
+
+    return Math.hypot((at.azimuth - to.azimuth) * Math.cos(at.elevation),
+        at.elevation - to.elevation,
+        Math.log((at.distance || 1) / (to.distance || 1)),
+        forward ? Math.max(0, lookOff(volume, eye, forward) - volume.turn) : 0);
+}
+
+// Returns the angle between the viewing direction and that to the pivot.
+function lookOff({ pivot }, eye, forward) {
+    const ahead = sub(pivot, eye);
+
+    return Math.atan2(norm(cross(ahead, forward)), dot(ahead, forward));
+}
+
+// Returns the PSNR that may be expected at an eye, in dB, or null if the film
+// does not say. It is quality[0] in the direction of a camera of the rig, and
+// quality[1] half way between two of them; between these it is linear in
+// 2 a / (a + b), where a and b are the angles to the nearest cameras. It
+// falls outside the volume. eyes: positions of the rig's cameras.
+export function expectedPsnr(volume, eyes, eye) {
+    const [at, between] = volume.quality;
+    const ahead = unit(sub(eye, volume.pivot));
+    const [a = 0, b = a] = eyes.map((p) => {
+        const to = unit(sub(p, volume.pivot));
+
+        return Math.atan2(norm(cross(ahead, to)), dot(ahead, to));
+    }).sort((p, q) => p - q);
+
+    if (!at)
+        return null;
+    return at + ((between || at) - at) * (a + b > 0 ? 2 * a / (a + b) : 0) -
+        WORSE * outside(volume, eye);
+}
