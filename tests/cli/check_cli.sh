@@ -428,7 +428,10 @@ for name in "$tmp/%s%d.png" "$tmp/%d%d.png" "$tmp/%99d.png" "$tmp/%n.png"; do
     told 2 'one number in the name' render "$scene" -o "$name" --orbit 3
 done
 told 2 'exclude each other' render "$scene" -o "$tmp/x.png" --time 1 --frame 2
-told 2 '--size takes WxH, 1 to 16384' render "$scene" -o "$tmp/x.png" --size 0x5
+for size in 0x5 0 5x 16385 x5 5y; do
+    told 2 '--size takes WxH|N, 1 to 16384' render "$scene" -o "$tmp/x.png" \
+        --size $size
+done
 told 2 '--time takes SECONDS' render "$scene" -o "$tmp/x.png" --time -1
 told 2 "$tmp/none/x.png: cannot be created" render "$scene" -o "$tmp/none/x.png"
 expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"

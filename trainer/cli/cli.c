@@ -188,6 +188,15 @@ bool saga_cli_size(void *to, const char *text, const saga_cli_option *option)
            take_int(&p->b, &text, option) && !*text;
 }
 
+bool saga_cli_sides(void *to, const char *text, const saga_cli_option *option)
+{
+    saga_cli_pair *const p = to;
+
+    p->b = 0;
+    return strchr(text, 'x') ? saga_cli_size(to, text, option)
+                             : saga_cli_int(&p->a, text, option);
+}
+
 bool saga_cli_colour(void *to, const char *text, const saga_cli_option *option)
 {
     static const char digits[] = "0123456789abcdefABCDEF";

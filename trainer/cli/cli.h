@@ -82,6 +82,7 @@ saga_cli_read_fn saga_cli_nbytes; /* double; "150k" is 150,000, "1.2M"
                                    * 1,200,000 */
 saga_cli_read_fn saga_cli_scale;  /* int N of "1/N" or "N", min..max */
 saga_cli_read_fn saga_cli_size;   /* saga_cli_pair of "WxH", each min..max */
+saga_cli_read_fn saga_cli_sides;  /* the same, or "N", which leaves b 0 */
 saga_cli_read_fn saga_cli_range;  /* saga_cli_pair of "A:B", A < B, min..max; a
                                    * missing end keeps its default */
 saga_cli_read_fn saga_cli_fraction; /* saga_cli_pair of "N" or "N/D", N within

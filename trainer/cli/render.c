@@ -211,7 +211,7 @@ static bool camera_of(saga_camera *c, session *s, int i)
         ok = saga_orbit_camera(c, &s->orbit, metric, (double)i / s->n,
                                &s->error);
         if (ok && s->o->size.a)
-            saga_camera_resize(c, s->o->size.a, s->o->size.b);
+            saga_camera_resize(c, s->camera.width, s->camera.height);
     }
     return ok;
 }
@@ -401,8 +401,10 @@ static bool prepare(session *s)
         saga_orbit_keep_inside(&s->orbit, &volume, &s->film.metric);
     if (o->look_at.given && !turn(s))
         return false;
-    if (o->size.a)
+    if (o->size.b)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
+    else if (o->size.a)
+        saga_camera_fit(&s->camera, o->size.a);
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
     /* The kind of picture and the number of eyes determine its memory. */
@@ -536,10 +538,11 @@ static const saga_cli_option option_list[] = {
     { "--frames", "A:B",
       "one picture for each frame A to B - 1, numbered by frame",
       saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
-    { "--size", "WxH",
-      "size of the picture (default: the camera's). Everything\n"
+    { "--size", "WxH|N",
+      "size of the picture (default: the camera's), or of its\n"
+      "longer side, which keeps the camera's shape. Everything\n"
       "that the camera sees stays in the picture",
-      saga_cli_size, offsetof(options, size), 1, SAGA_MAX_SIDE },
+      saga_cli_sides, offsetof(options, size), 1, SAGA_MAX_SIDE },
     { "--stereo", "METRES",
       "pictures for two eyes at this distance, side by side with\n"
       "the left one first, each at full width. The distance is\n"

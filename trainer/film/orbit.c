@@ -318,3 +318,12 @@ void saga_camera_resize(saga_camera *camera, int width, int height)
     camera->width = (uint16_t)width;
     camera->height = (uint16_t)height;
 }
+
+void saga_camera_fit(saga_camera *camera, int side)
+{
+    const int w = camera->width, h = camera->height;
+    const double scale = (double)side / (w > h ? w : h);
+
+    saga_camera_resize(camera, (int)fmax(rint(scale * w), 1),
+                       (int)fmax(rint(scale * h), 1));
+}

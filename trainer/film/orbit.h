@@ -46,4 +46,7 @@ void saga_orbit_time(uint32_t *num, uint32_t *den, uint32_t n_frames, int i,
  * offset from the middle, to scale. */
 void saga_camera_resize(saga_camera *camera, int width, int height);
 
+/* Changes the size, but not the shape: the longer side becomes `side`. */
+void saga_camera_fit(saga_camera *camera, int side);
+
 #endif
