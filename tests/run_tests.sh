@@ -292,6 +292,7 @@ many() {
     check fields python3 tests/cli/check_fields.py
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
+    check desktop python3 tests/cli/check_desktop.py
     check path python3 tests/cli/check_path.py
     check pipe python3 tests/cli/check_pipe.py
     check blocks python3 tests/cli/check_blocks.py

@@ -23,7 +23,7 @@ check="$build libcmocka-dev glslang-tools spirv-tools mesa-vulkan-drivers
     vulkan-validationlayers"
 # `npm pack` fetches the engines that tests use.
 test="$check clang-format g++ gcc-arm-none-eabi gcc-s390x-linux-gnu
-    libc6-dev-s390x-cross qemu-user-static qemu-system-arm chromium
+    libc6-dev-s390x-cross qemu-user-static qemu-system-arm chromium desktop-file-utils libglib2.0-bin shared-mime-info
     $(command -v npm >/dev/null || echo npm)"
 packages="debhelper dh-python dpkg-dev lintian"
 case ${1:-build} in

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 #
 # install.sh put|remove BUILD: installs from BUILD the programs, libraries,
-# header, description for pkg-config, manual pages, completions and Python module,
-# or removes them and the folders that are empty then. They go to BINDIR, LIBDIR,
+# header, description for pkg-config, manual pages, completions, Python module and
+# the files of ports/desktop, or removes them and the folders that are empty then. They go to BINDIR, LIBDIR,
 # INCLUDEDIR, DATADIR and PYTHONDIR below DESTDIR. `make install` and `make
 # uninstall` run it. Without DESTDIR it also runs ldconfig, so that programs find
 # the library.
@@ -37,6 +37,11 @@ for p in saga saga-dec saga-play; do
     put 644 "$build/pages/$p.zsh" "$DATADIR/zsh/site-functions/_$p"
     put 644 "$build/pages/$p.fish" "$DATADIR/fish/vendor_completions.d/$p.fish"
 done
+# What file managers know of films.
+put 644 ports/desktop/saga.xml "$DATADIR/mime/packages/saga.xml"
+put 644 ports/desktop/saga.desktop "$DATADIR/applications/saga.desktop"
+put 644 ports/desktop/saga.thumbnailer "$DATADIR/thumbnailers/saga.thumbnailer"
+put 644 ports/desktop/saga.svg "$DATADIR/icons/hicolor/scalable/apps/saga.svg"
 put 644 "$build/libsaga.a" "$LIBDIR/libsaga.a"
 put 644 "$build/libsaga.so.0" "$LIBDIR/libsaga.so.0"
 if [ "$verb" = remove ]; then

@@ -39,6 +39,10 @@ sort >"$tmp/wanted" <<'FILES'
 ./opt/saga/lib/libsaga.so
 ./opt/saga/lib/libsaga.so.0
 ./opt/saga/lib/pkgconfig/saga.pc
+./opt/saga/share/applications/saga.desktop
+./opt/saga/share/icons/hicolor/scalable/apps/saga.svg
+./opt/saga/share/mime/packages/saga.xml
+./opt/saga/share/thumbnailers/saga.thumbnailer
 ./opt/saga/share/bash-completion/completions/saga
 ./opt/saga/share/bash-completion/completions/saga-dec
 ./opt/saga/share/bash-completion/completions/saga-play

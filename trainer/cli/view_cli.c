@@ -22,6 +22,7 @@
 #include <inttypes.h>
 #include <jansson.h>
 #include <signal.h>
+#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,6 +45,7 @@ typedef struct {
     const char *host; /* NULL: not given */
     int port;         /* 0: not given */
     int seconds;      /* limit for decoding a segment */
+    bool open;        /* the page, in the user's browser */
 } options;
 
 /* Everything that is served. */
@@ -60,6 +62,8 @@ typedef struct {
     bool followed;
     saga_error error;
 } session;
+
+extern char **environ;
 
 static volatile sig_atomic_t stopped;
 
@@ -271,9 +275,33 @@ static bool open_server(session *s, int port)
            saga_http_open(&s->http, 0, &s->error);
 }
 
+/* Opens an address in the user's browser, which lives on when this program
+ * ends: in a group of its own, Ctrl-C does not reach it. */
+static void open_browser(const char *address)
+{
+    static const char program[] = "xdg-open"; /* of every free desktop */
+    const char *const argv[] = { program, address, NULL };
+    posix_spawnattr_t own;
+    pid_t pid;
+    int failed = posix_spawnattr_init(&own);
+
+    if (!failed) {
+        (void)posix_spawnattr_setflags(&own, POSIX_SPAWN_SETPGROUP);
+        /* posix_spawnp promises not to write to the strings. */
+        failed = posix_spawnp(&pid, program, NULL, &own, (char **)(void *)argv,
+                              environ);
+        posix_spawnattr_destroy(&own);
+    }
+    if (failed)
+        saga_cli_error(0,
+                       "view: %s cannot be run (%s); open the address "
+                       "yourself, or install xdg-utils",
+                       program, strerror(failed));
+}
+
 /* Prints the page's address and, if other machines may open it, how and what
  * that means. */
-static void print_address(const saga_http *http)
+static void print_address(const saga_http *http, bool open)
 {
     const bool shared = http->token[0] != '\0';
     char address[100];
@@ -281,6 +309,8 @@ static void print_address(const saga_http *http)
     (void)snprintf(address, sizeof address, "http://%s:%d/%s%s", http->host,
                    http->port, http->token, shared ? "/" : "");
     puts(address);
+    if (open)
+        open_browser(address);
     if (!shared) {
         fputs("saga: open this address in a browser; Ctrl-C ends\n", stderr);
         return;
@@ -304,7 +334,7 @@ static int serve(session *s, const options *o)
     /* Signals are caught only now, so that Ctrl-C still ends the program at
      * once while a file is examined. */
     catch_signals();
-    print_address(&s->http);
+    print_address(&s->http, o->open);
     if (fflush(stdout) == 0)
         saga_http_serve(&s->http, &stopped);
     saga_http_close(&s->http);
@@ -342,6 +372,11 @@ static int view(session *s, const options *o, const char *name)
     char *text;
     int status = SAGA_EXIT_DATA;
 
+    if (o->host && o->open)
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "view: --open and --host exclude each other: "
+                              "other users of this machine would see the "
+                              "address, which is secret");
     if (!saga_view_file_find("saga.wasm"))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "view: this program was built "
@@ -386,6 +421,8 @@ static const saga_cli_option option_list[] = {
       "port of the server (default: 8470, or another that is\n"
       "free)",
       saga_cli_int, offsetof(options, port), 1, 65535 },
+    { "--open", NULL, "open the page in your browser, by xdg-open",
+      saga_cli_flag, offsetof(options, open), 0, 0 },
     { "--seconds", "N",
       "give up if decoding a segment takes longer (default: 30)", saga_cli_int,
       offsetof(options, seconds), 1, 1000000 }

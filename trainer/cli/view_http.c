@@ -521,6 +521,8 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
                     sizeof yes) &&
         /* accept() must not block if the client has gone meanwhile. */
         !fcntl(http->listener, F_SETFL, O_NONBLOCK) &&
+        /* A browser that this program starts must not hold the port. */
+        !fcntl(http->listener, F_SETFD, FD_CLOEXEC) &&
         !bind(http->listener, (struct sockaddr *)&at, sizeof at) &&
         !listen(http->listener, MAX_CLIENTS) &&
         !getsockname(http->listener, (struct sockaddr *)&at, &n)) {
