@@ -178,13 +178,18 @@ typedef struct {
     saga_error error;
 } opened;
 
-static void open_vector(opened *o, int n_threads)
+static void open_file(opened *o, const char *name, int n_threads)
 {
     *o = (opened){ .film = { .segment = -1 } };
-    assert_true(saga_read_file(&o->bytes, vector, &o->error));
-    if (!saga_film_open(&o->film, vector, o->bytes.data, o->bytes.nbytes,
+    assert_true(saga_read_file(&o->bytes, name, &o->error));
+    if (!saga_film_open(&o->film, name, o->bytes.data, o->bytes.nbytes,
                         n_threads, &o->error))
         fail_msg("%s", o->error.message);
+}
+
+static void open_vector(opened *o, int n_threads)
+{
+    open_file(o, vector, n_threads);
 }
 
 static void close_vector(opened *o)
@@ -490,6 +495,32 @@ TEST(capture_should_be_refused_where_it_differs)
     v->translation[0] -= 1e-3 * saga_metric_width(&o.film.metric);
     v->fx *= 1.1;
     mismatch(&o, &c, "focal length");
+}
+
+/* A view with the name of a camera of the rig is that camera if it differs from
+ * it by as much as refinement changes one, 0.02 of the cube, and no other. */
+TEST(view_should_not_be_taken_for_a_camera_far_away)
+{
+    FREED_BY(saga_capture_free) saga_capture c;
+    FREED_BY(close_vector) opened o;
+    saga_source_view *v;
+    saga_eval e;
+    double width;
+
+    open_file(&o, "vectors/good/names.saga", 1);
+    c = rig_capture(&o);
+    v = &c.views[0];
+    width = saga_metric_width(&o.film.metric);
+    v->held_out = true;
+    strcpy(v->name, "c\xc3\xa1m 0");
+    v->translation[2] += 0.019 * width;
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
+    assert_int_equal(e.view[0].rig, 0);
+    saga_eval_free(&e);
+    v->translation[2] += 0.002 * width;
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
+    assert_int_equal(e.view[0].rig, -1);
+    saga_eval_free(&e);
 }
 
 /* Fills a capture with each frame of each view as decoded from the file, except

@@ -185,11 +185,11 @@ static double sector_of(double *elevation, double *distance,
 /* The cameras of a generated stream look at the middle of the box from a
  * distance of 2.6 * 2^23, from 0.25 radians below; their azimuths differ by
  * 0.7. As seen from there, neighbours are acos(cos^2 0.25 cos 0.7 + sin^2 0.25)
- * = 0.68 apart, so that the margin has its largest value, 10 degrees. */
+ * = 0.68 apart, so that the margin has its largest value, 5 degrees. */
 TEST(the_volume_of_a_rig_should_hold_its_cameras_and_a_margin)
 {
     static const double turn = 32768 / 3.14159265358979323846;
-    const double margin = 10 * 32768 / 180.0;
+    const double margin = 5 * 32768 / 180.0;
     saga_bytes f = make(0, 0, 0);
     saga_error error = { "" };
     saga_film film;
@@ -200,13 +200,13 @@ TEST(the_volume_of_a_rig_should_hold_its_cameras_and_a_margin)
     for (int i = 0; i < 3; i++)
         assert_close(v.pivot[i], 0, 16);
     assert_close(v.distance_min, 1.3 * (1 << 23), 16);
-    assert_close(v.distance_max, 3.25 * (1 << 23), 16);
+    assert_close(v.distance_max, 2.73 * (1 << 23), 16);
     assert_close(v.azimuth, 0.7 * turn + margin, 3);
     assert_close(v.elevation_min, -0.25 * turn - margin, 3);
     assert_close(v.elevation_max, -0.25 * turn + margin, 3);
     assert_int_equal(v.start, 1);
     /* 160 x 120 pixels at a focal length of 110. */
-    assert_close(v.turn, atan(60 / 110.0) * turn, 1);
+    assert_close(v.turn, 0.5 * atan(60 / 110.0) * turn, 1);
     assert_int_equal(v.quality_q8[0] + v.quality_q8[1], 0);
     for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
         double elevation, distance;

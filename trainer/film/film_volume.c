@@ -18,12 +18,12 @@ static const double pi = 3.14159265358979323846;
  * direction. */
 #define LEAST_LEVEL 1e-3
 
-#define LEAST_MARGIN (2 * pi / 180)
-#define MOST_MARGIN (10 * pi / 180)
+#define LEAST_MARGIN (1 * pi / 180)
+#define MOST_MARGIN (5 * pi / 180)
 #define MOST_ELEVATION \
     (85 * pi / 180) /* up must not be the viewing direction */
 #define NEAREST 0.5
-#define FARTHEST 1.25
+#define FARTHEST 1.05
 #define BELOW_FLOOR 0.05 /* part of the opaque primitives that are below it */
 
 enum { OPAQUE_Q20 = 4 << 20 }; /* 3 - log2 of an opacity of one half */
@@ -83,7 +83,7 @@ static double find_margin(const place *p, int n, double *nearest)
     }
     qsort(nearest, (size_t)n, sizeof *nearest, saga_by_value);
     spacing = nearest[n / 2];
-    return clamp(spacing / 2, LEAST_MARGIN, MOST_MARGIN);
+    return clamp(spacing / 4, LEAST_MARGIN, MOST_MARGIN);
 }
 
 /* --- Values in the file's units ------------------------------------------ */
@@ -180,8 +180,9 @@ static void set_sector(saga_volume *v, const saga_orbit *orbit, const place *p,
     v->elevation_max = (int16_t)to_turns(high);
     v->azimuth = (uint16_t)to_turns(
         orbit->closed ? pi : fmin(orbit->half + margin, pi));
-    /* Half of the angle that the picture's shorter side spans. */
+    /* A quarter of the angle that the picture's shorter side spans. */
     v->turn = (uint16_t)to_turns(
+        0.5 *
         fmin(atan(32768.0 * orbit->lens.width / orbit->lens.focal_q16[0]),
              atan(32768.0 * orbit->lens.height / orbit->lens.focal_q16[1])));
 }

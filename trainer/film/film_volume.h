@@ -9,24 +9,25 @@
 
 #include "view.h"
 
-/* Finds the volume from the cameras of the film's rig. Let s be the median,
+/* Finds the volume from the cameras of the film's rig; docs/lab/volume.md has
+ * what pictures are worth at its ends. Let s be the median,
  * over the cameras, of the angle between a camera and its nearest neighbour, as
  * seen from the pivot. Then
  *
- *     azimuth, elevation   those of the cameras, and s / 2 more, at least 2 and
- *                          at most 10 degrees; a rig that stands all round has
+ *     azimuth, elevation   those of the cameras, and s / 4 more, at least 1 and
+ *                          at most 5 degrees; a rig that stands all round has
  *                          any azimuth
- *     distance             from half of the nearest camera's to 5/4 of the
+ *     distance             from half of the nearest camera's to 1.05 of the
  *                          farthest's
- *     turn                 half of the angle that the first camera's picture
- *                          spans, along its shorter side
+ *     turn                 a quarter of the angle that the first camera's
+ *                          picture spans, along its shorter side
  *     floor                above which 95 % of the opaque primitives of the
  *                          first frame are
  *     start                the camera nearest to the front, which is the middle
  *                          of the rig, or camera 0 if the rig stands all round
  *
  * Cameras that look outwards, from the middle of a scene, have a ball: any
- * direction, and distances up to 5/4 of the farthest camera's. The quality is
+ * direction, and distances up to 1.05 of the farthest camera's. The quality is
  * unknown, 0. Fails if the film has no rig, if all its cameras stand at one
  * point and look along one line, or if the first frame cannot be decoded. */
 bool saga_volume_of(saga_volume *volume, saga_film *film, saga_error *error);
