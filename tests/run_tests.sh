@@ -309,6 +309,7 @@ many() {
     check whole python3 tests/cli/check_whole.py
     check player python3 tests/cli/check_player.py
     check phone python3 tests/cli/check_phone.py
+    check bounds python3 tests/cli/check_bounds.py
     check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py

@@ -55,7 +55,7 @@ export function lookAt(eye, target, up) {
 }
 
 // Returns the pose turned rigidly about a point.
-function turnedAbout(pose, pivot, axis, angle) {
+export function turnedAbout(pose, pivot, axis, angle) {
     const rows = [rightOf(pose), downOf(pose), forwardOf(pose)];
 
     return {

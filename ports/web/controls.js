@@ -63,6 +63,7 @@ export function addControls(viewer, element) {
         if (!viewer.info)
             return;
         element.setPointerCapture(event.pointerId);
+        viewer.bounds.isHeld = true;
         pointers.set(event.pointerId, { x: event.clientX, y: event.clientY,
             waits: event.pointerType === 'touch' });
         event.preventDefault();
@@ -92,8 +93,11 @@ export function addControls(viewer, element) {
     });
 
     for (const end of ['pointerup', 'pointercancel'])
-        element.addEventListener(end, (event) =>
-            pointers.delete(event.pointerId));
+        element.addEventListener(end, (event) => {
+            pointers.delete(event.pointerId);
+            viewer.bounds.isHeld = pointers.size > 0;
+            viewer.bounds.release();
+        });
 
     element.addEventListener('wheel', (event) => {
         if (!viewer.info)

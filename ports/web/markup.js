@@ -25,6 +25,8 @@ canvas:active { cursor: grabbing; }
 canvas:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
 #poster { position: absolute; width: 100%; height: 100%; object-fit: contain;
     pointer-events: none; }
+#edge { position: absolute; inset: 0; pointer-events: none; opacity: 0;
+    background: radial-gradient(transparent 40%, #000 90%); }
 #told { position: absolute; max-width: 34em; margin: 0; padding: 0 24px;
     text-align: center; overflow-wrap: anywhere; }
 #bar { position: absolute; inset: auto 0 0; transition: opacity 0.3s;
@@ -85,6 +87,7 @@ export const MARKUP = `<div id="frame">
   <canvas tabindex="0" role="img" part="canvas"
     aria-label="volumetric video; drag or use the arrow keys to look around">
   </canvas>
+  <div id="edge"></div>
   <img id="poster" alt="" hidden>
   <p id="told" part="told" role="status"></p>
 </div>

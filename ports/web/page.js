@@ -198,12 +198,15 @@ function showNumbers() {
     const { drawn } = viewer;
     const { times } = drawn;
     const [crc, verdict] = crcText(drawn);
+    const { expected } = viewer.bounds;
     const rows = [
         ['picture', `${drawn.width} \u00d7 ${drawn.height}`],
         ['primitives', `${drawn.nSplats.toLocaleString('en')} seen of ` +
             drawn.nPrimitives.toLocaleString('en')],
         [drawn.gpu ? 'view, copy' : 'view, draw',
             `${times.view.toFixed(1)}, ${times.draw.toFixed(1)} ms`],
+        ...expected === null ? []
+            : [['expected here', `${expected.toFixed(1)} dB of PSNR`]],
         ['drawn by', drawn.gpu ? 'graphics processor' : 'decoder, exact'],
         ['shown', rateText()],
         ['segment', `${drawn.segment + 1} of ${viewer.segments.length}, ` +
@@ -405,6 +408,8 @@ if (asked.has('background')) {
     player.setAttribute('background', 'transparent');
     document.body.style.background = asked.get('background');
 }
+if (asked.has('bounds'))
+    player.setAttribute('bounds', asked.get('bounds'));
 viewer.simd = asked.get('simd') === '0' ? false : undefined;
 viewer.seconds = Number(asked.get('seconds')) || carried.seconds;
 $('save-page').hidden = Boolean($('film')); // the browser saves such a page

@@ -3,7 +3,7 @@ import type { SagaCamera, SagaInfo } from './saga.js';
 import type { Viewer } from './viewer.js';
 
 /** The element <saga-player src autoplay loop camera poster controls muted
- * preload crossorigin draw="exact" background="transparent">. Events of a
+ * preload crossorigin draw="exact" background="transparent" bounds="off">. Events of a
  * video: loadstart, durationchange, loadedmetadata; loadeddata and canplay when
  * the first picture is drawn; play, pause, ended, timeupdate, seeking, seeked,
  * ratechange, volumechange; waiting when a segment is late, and playing when it

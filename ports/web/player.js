@@ -10,7 +10,8 @@
 // drawn; background="transparent", no background of the film; controls, the
 // bar; draw="exact", the decoder's own pixels, with their background; muted, no
 // sound until it is turned on; preload="none", nothing is fetched before
-// play(); crossorigin, as for a video.
+// play(); crossorigin, as for a video; bounds="off", the camera may leave the
+// film's viewing volume.
 //
 // Properties, methods and events are those of a video as far as they have a
 // meaning, and camerachange. Its style sets its size; the default is 16:9 of
@@ -25,6 +26,7 @@ import { Sound } from './sound.js';
 import { Tilt, hasTilt } from './tilt.js';
 import { visible } from './source.js';
 import { Viewer } from './viewer.js';
+import { shade } from './volume.js';
 import { enterHeadset, hasHeadset } from './xr.js';
 
 const REST_MS = 2500; // time without a pointer movement, until the bar
@@ -40,8 +42,8 @@ const HAVE_NOTHING = 0, HAVE_METADATA = 1, HAVE_FUTURE_DATA = 3,
 const Base = globalThis.HTMLElement ?? class {};
 
 export class SagaPlayer extends Base {
-    static observedAttributes = ['src', 'background', 'camera', 'controls',
-        'draw', 'loop', 'muted', 'poster'];
+    static observedAttributes = ['src', 'background', 'bounds', 'camera',
+        'controls', 'draw', 'loop', 'muted', 'poster'];
 
     constructor() {
         super();
@@ -94,6 +96,8 @@ export class SagaPlayer extends Base {
             this.load();
         else if (name === 'background')
             viewer.setTransparent(now === 'transparent');
+        else if (name === 'bounds')
+            viewer.bounds.isOn = now !== 'off';
         else if (name === 'camera')
             viewer.selectCamera(Number(now));
         else if (name === 'controls')
@@ -282,6 +286,7 @@ export class SagaPlayer extends Base {
         this.$('clock').textContent =
             `${seconds(frame)} / ${seconds(info.nFrames)} s`;
         this.$('camera').value = now.camera;
+        this.$('edge').style.opacity = shade(viewer.bounds.out);
         this.fit();
         if (before.playing !== now.playing && (before.playing || now.playing))
             this.emit(now.playing ? 'play' : 'pause');

@@ -35,6 +35,14 @@ export class Viewer extends EventTarget {
     readonly hasSound: boolean;
     /** From where the film looks well; null if the file does not say. */
     readonly viewingVolume: SagaViewingVolume | null;
+    readonly bounds: {
+        /** Whether the camera is kept in the viewing volume; initially true. */
+        isOn: boolean;
+        /** How far outside the user has moved the camera, in radians. */
+        readonly out: number;
+        /** The PSNR that may be expected here, in dB; null if unknown. */
+        readonly expected: number | null;
+    };
     /** The camera of the rig with which the film begins. */
     readonly start: number;
     readonly name: string;

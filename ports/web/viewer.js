@@ -22,6 +22,7 @@
 // has come), `progress` (detail: { segment, got, nbytes } of a transfer),
 // `sound` (after askSound), `failed` (detail: a sentence).
 
+import { Bounds } from './bounds.js';
 import * as cam from './camera.js';
 import { GpuScreen, PlainScreen } from './gpu.js';
 import { visible } from './source.js';
@@ -70,11 +71,13 @@ export class Viewer extends EventTarget {
         this.segments = [];
         this.hasSound = false;
         this.viewingVolume = null;
+        this.bounds = new Bounds(this);
         this.clear();
     }
 
     clear() {
         clearTimeout(this.rest);
+        this.bounds.clear();
         this.worker?.terminate();
         this.worker = null;
         this.info = null;
@@ -216,13 +219,15 @@ export class Viewer extends EventTarget {
     orbit(yaw, pitch) {
         if (!this.info)
             return;
-        this.setPose(cam.orbited(this.pose, this.pivot, this.up, yaw, pitch));
+        this.setPose(this.bounds.softened((part) => cam.orbited(this.pose,
+            this.pivot, this.up, part * yaw, part * pitch)));
     }
 
     dolly(factor) {
         if (!this.info)
             return;
-        this.setPose(cam.dollied(this.pose, this.pivot, factor));
+        this.setPose(this.bounds.softened((part) =>
+            cam.dollied(this.pose, this.pivot, factor ** part)));
     }
 
     // Moves the camera parallel to its picture, so that things at the pivot's
@@ -236,8 +241,12 @@ export class Viewer extends EventTarget {
             cam.times(cam.rightOf(this.pose), -dx * perPixel),
             cam.times(cam.downOf(this.pose), -dy * perPixel));
 
-        this.pivot = cam.add(this.pivot, by);
-        this.setPose(cam.moved(this.pose, by));
+        const pose = this.bounds.softened((part) =>
+            cam.moved(this.pose, cam.times(by, part)));
+
+        this.pivot = cam.add(this.pivot,
+            cam.sub(pose.centre, this.pose.centre));
+        this.setPose(pose);
     }
 
     setScale(scale) {

@@ -4,11 +4,13 @@
 // ball around a pivot, in azimuth, elevation and distance (docs/bitstream.md,
 // section 13). Positions are in the capture's unit, angles in radians.
 
-import { add, cross, dot, norm, sub, times, unit } from './camera.js';
+import { add, cross, dollied, dot, forwardOf, norm, sub, times, turnedAbout,
+    unit } from './camera.js';
 
 const HEADER_NBYTES = 12;    // of the chunk, before its fields
 const HALF_TURN = 32768;     // pi in the file's angles
 const NO_FLOOR = -(2 ** 31); // the floor is unknown
+const MOST = 0.35;           // radians that an eye can be pulled outside
 const WORSE = 20;            // dB lost per radian outside the volume, a guess
 
 // Returns the volume of a chunk VOLU, which the decoder has found right, of a
@@ -34,14 +36,18 @@ export function volumeOf(chunk, { centre, unit: size }) {
     };
 }
 
-// Returns the position of an eye { azimuth, elevation, distance }.
-export function eyeAt(volume, { azimuth: a, elevation: e, distance: d }) {
-    const { pivot, up, front } = volume;
-    const level = add(times(front, Math.cos(a)),
-        times(cross(up, front), Math.sin(a)));
+// Returns the level direction of an azimuth.
+function levelAt({ up, front }, azimuth) {
+    return add(times(front, Math.cos(azimuth)),
+        times(cross(up, front), Math.sin(azimuth)));
+}
 
-    return add(pivot, times(add(times(level, Math.cos(e)),
-        times(up, Math.sin(e))), d));
+// Returns the position of an eye { azimuth, elevation, distance }.
+export function eyeAt(volume, { azimuth, elevation: e, distance }) {
+    const { pivot, up } = volume;
+
+    return add(pivot, times(add(times(levelAt(volume, azimuth), Math.cos(e)),
+        times(up, Math.sin(e))), distance));
 }
 
 // Returns { azimuth, elevation, distance } of an eye.
@@ -80,6 +86,32 @@ function lookOff({ pivot }, eye, forward) {
     const ahead = sub(pivot, eye);
 
     return Math.atan2(norm(cross(ahead, forward)), dot(ahead, forward));
+}
+
+// Returns how dark the edge of the picture should be: 0 inside the volume, 1
+// where the eye can be pulled at most.
+export const shade = (out) => Math.min(1, out / MOST);
+
+// Returns the part that is made of a step from `before` to `after`, both from
+// `outside`: the farther outside, the less of a step that leads away.
+export const partOf = (before, after) =>
+    after > before ? Math.max(0, 1 - before / MOST) : 1;
+
+// Returns the pose after it has gone a share of the way inside: it turns about
+// the pivot, comes nearer or goes away, and turns about itself.
+export function nearer(volume, pose, share) {
+    const { pivot, up } = volume;
+    const at = placeOf(volume, pose.centre), to = inside(volume, at);
+    const round = share * (to.azimuth - at.azimuth);
+    const level = levelAt(volume, at.azimuth + round);
+    const there = dollied(turnedAbout(turnedAbout(pose, pivot, up, round),
+        pivot, cross(level, up), share * (to.elevation - at.elevation)),
+    pivot, ((to.distance || 1) / (at.distance || 1)) ** share);
+    const { centre } = there, forward = forwardOf(there);
+    const past = lookOff(volume, centre, forward) - volume.turn;
+
+    return past <= 0 ? there : turnedAbout(there, centre,
+        unit(cross(forward, sub(pivot, centre))), share * past);
 }
 
 // Returns the PSNR that may be expected at an eye, in dB, or null if the film

@@ -3,13 +3,15 @@
 // A viewer's film in a headset, by WebXR. The worker sorts and projects for one
 // camera between the eyes whose field covers those of both. Each eye draws
 // these splats in one call, reprojected by their depths (engine.js). A unit of
-// the capture is a metre. The user starts upright at the viewer's camera.
+// the capture is a metre. The user starts upright at the viewer's camera. The
+// picture fades to black as the head leaves the viewing volume.
 
 import * as cam from './camera.js';
 import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, product, toClip,
     valuesFrom } from './engine.js';
 import { link } from './gpu.js';
 import { onPage } from './viewer.js';
+import { outside, shade } from './volume.js';
 
 const MARGIN = 1.1; // widening of the field of view, since heads turn while
                     // splats are made
@@ -29,10 +31,12 @@ void main() {
 const FRAGMENT = `#version 300 es
 precision highp float;
 ${FRAGMENT_GLSL}
+uniform float saga_shown;
 out vec4 mixed;
 
 void main() {
     mixed = saga_mixed();
+    mixed.rgb *= saga_shown;
 }`;
 
 export async function hasHeadset() {
@@ -50,7 +54,8 @@ class EyeScreen {
         this.takesSplats = true;
         this.made = null;
         this.program = link(gl, VERTEX, FRAGMENT, ['saga_to_clip', 'saga_size',
-            'saga_viewport', 'saga_tools']);
+            'saga_viewport', 'saga_tools', 'saga_shown']);
+        this.shown = 1; // 0 is black
         this.array = gl.createVertexArray();
         this.buffer = gl.createBuffer();
         gl.bindVertexArray(this.array);
@@ -76,7 +81,7 @@ class EyeScreen {
         const { gl } = this;
 
         gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
-        gl.clearColor(...this.made.background, 1);
+        gl.clearColor(...this.made.background.map((x) => this.shown * x), 1);
         gl.clear(gl.COLOR_BUFFER_BIT);
     }
 
@@ -92,6 +97,7 @@ class EyeScreen {
             2 * fy / 65536 / projection[5]);
         gl.uniform4f(program.saga_viewport, x, y, width, height);
         gl.uniform1i(program.saga_tools, made.tools);
+        gl.uniform1f(program.saga_shown, this.shown);
         gl.bindVertexArray(this.array);
         gl.enable(gl.BLEND);
         gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -153,6 +159,14 @@ function valuesBetween(viewer, model, pose, { width, height }) {
         Math.round(height * p[5] * (t - b) / 2));
 }
 
+// Returns how far a head is outside the viewing volume; it may look anywhere.
+function outsideOf(viewer, values) {
+    const { viewingVolume: volume, bounds } = viewer;
+
+    return volume && bounds.isOn
+        ? outside(volume, viewer.toMetres(cam.poseOf(values).centre)) : 0;
+}
+
 // Shows the film in the headset. It must be called at a click or key. The
 // headset's own button plays and pauses. Resolves to the session.
 export async function enterHeadset(viewer) {
@@ -172,8 +186,11 @@ export async function enterHeadset(viewer) {
         session.requestAnimationFrame(draw);
         if (!pose || !viewer.info)
             return;
-        viewer.want(valuesBetween(viewer, model, pose,
-            layer.getViewport(pose.views[0])));
+        const values = valuesBetween(viewer, model, pose,
+            layer.getViewport(pose.views[0]));
+
+        viewer.want(values);
+        screen.shown = 1 - shade(outsideOf(viewer, values));
         if (!screen.made)
             return;
         screen.begin(layer.framebuffer);

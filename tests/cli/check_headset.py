@@ -6,6 +6,7 @@ with a headset that iwer emulates,
   eyes        each eye's picture has a PSNR of at least 40 dB against what the
               decoder draws for this eye's camera, and differs from that of the
               other eye, also after the head has turned and moved
+  fade        the picture fades to black as the head leaves the viewing volume
   clock       the film plays by the headset's clock; its button pauses
   leave       after the session the page shows its own picture and plays on
 iwer is fetched by npm once for a build folder. Without npm, the registry,
@@ -70,6 +71,18 @@ function readEye(gl, { x, y, width, height }) {
     return got;
 }
 
+// The brightest sample of an eye's picture.
+window.brightest = async () => {
+    for (let i = 0; i < 4; i++)
+        await inFrame(() => {});
+    return inFrame((frame) => {
+        const [view] = frame.getViewerPose(space).views;
+        const box = session.renderState.baseLayer.getViewport(view);
+        return readEye(viewer.screen.gl, box).reduce((most, x, i) =>
+            Math.max(most, i % 4 < 3 ? x : 0), 0);
+    });
+};
+
 window.eyes = async (model) => {
     const settled = () => !viewer.busy && !viewer.stale &&
         viewer.screen.made?.values.every((v, i) => v === viewer.wanted[i]);
@@ -128,6 +141,30 @@ def check_eyes(tab):
         *told[0][:2], *told[1][:2]))
 
 
+# A volume around the head, then one from whose end it is away by a factor of
+# e^0.175, which is half of what makes the picture black, then by e^1.
+def check_fade(tab):
+    got = tab.run("""(async () => {
+        const { poseOf } = await import('/camera.js');
+        const [x, y, z] = viewer.toMetres(poseOf(viewer.wanted).centre);
+        const told = [];
+
+        for (const distance of [1, Math.exp(-0.175), Math.exp(-1)]) {
+            viewer.viewingVolume = { pivot: [x, y, z + 1], up: [0, -1, 0],
+                front: [0, 0, -1], azimuth: Math.PI,
+                elevation: [-Math.PI / 2, Math.PI / 2], turn: Math.PI,
+                distance: [0, distance * (1 + 1e-6)] };
+            told.push(await brightest());
+        }
+        viewer.viewingVolume = null;
+        return [await brightest(), ...told];
+    })()""")
+    if got[1] != got[0] or abs(got[2] - got[0] / 2) > 2 or got[3] != 0:
+        complain("without a volume, inside, outside, far outside the eye's "
+                 "brightest sample is", got)
+    verdict("fade")
+
+
 def check_clock(tab):
     tab.run("viewer.seek(0); viewer.play()")
     tab.wait("viewer.frame > 3 && viewer.drawn.num / viewer.drawn.den > 3")
@@ -166,6 +203,7 @@ def main():
     try:
         check_offer(tab, server.url)
         check_eyes(tab)
+        check_fade(tab)
         check_clock(tab)
         check_leave(tab)
         checks.complaints.extend(tab.log)
