@@ -564,6 +564,11 @@ def check_import_refused(tmp):
             (ply([r + [0.0] * 5 for r in rows],
                  COLUMNS + ["f_rest_%d" % k for k in range(5)]),
              "5 values of f_rest"),
+            (ply([r + [0.0] * 5 for r in rows], COLUMNS +
+                 ["time", "log_duration", "velocity_0", "velocity_1",
+                  "velocity_2"]),
+             "has splats that move, with their velocity_0, which is not read; "
+             "export every frame as a PLY of its own"),
             (ply([[math.inf] + r[1:] for r in rows]),
              "has no splat to show: leaves out 5 of 5 splats: 5 with numbers "
              "that are not finite")):

@@ -492,7 +492,7 @@ const saga_command saga_command_import = {
     "then improved. A sequence is trained anew, as one segment, because files\n"
     "do not say which splats of two frames belong together. What is left out,\n"
     "clamped or read otherwise than the format says is counted in a line for\n"
-    "each kind.\n"
+    "each kind. Files of moving splats, as .ftgs.ply, are refused.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

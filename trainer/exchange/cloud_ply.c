@@ -92,7 +92,8 @@ enum {
     ROT = SCALE + 3,
     REST = ROT + 4,
     MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1),
-    N_COLUMNS = REST + MOST_REST
+    MOVES = REST + MOST_REST, /* only files of moving splats have it */
+    N_COLUMNS
 };
 
 /* Sets the names of the columns above. */
@@ -110,6 +111,7 @@ static void name_columns(char text[N_COLUMNS][16], const char *name[N_COLUMNS])
     (void)snprintf(text[Y], sizeof text[Y], "y");
     (void)snprintf(text[Z], sizeof text[Z], "z");
     (void)snprintf(text[OPACITY], sizeof text[OPACITY], "opacity");
+    (void)snprintf(text[MOVES], sizeof text[MOVES], "velocity_0");
     for (size_t k = 0; k < sizeof numbered / sizeof numbered[0]; k++)
         for (int i = 0; i < numbered[k].n; i++)
             (void)snprintf(text[numbered[k].first + i], sizeof text[0], "%s%d",
@@ -136,6 +138,17 @@ static bool find_degree(int *degree, const saga_ply *ply, saga_error *error)
                                      "has %d values "
                                      "of f_rest",
                                      n);
+}
+
+/* FreeTimeGS writes the splats of all times into one PLY (.ftgs.ply), each with
+ * a time and a velocity. Together they are the cloud of no moment. */
+static bool is_moment(const saga_ply *ply, saga_error *error)
+{
+    return ply->field[MOVES] < 0 ||
+           saga_fail(error, ply->path,
+                     "export every frame as a PLY of its own, into one folder",
+                     "has splats that move, with their %s, which is not read",
+                     ply->names[MOVES]);
 }
 
 static void take_splat(saga_cloud *cloud, size_t i, const float *row)
@@ -166,7 +179,7 @@ static bool read_ply(saga_cloud *cloud, const saga_bytes *bytes,
 
     name_columns(text, name);
     ok = saga_ply_open(&ply, bytes, error) &&
-         find_degree(&degree, &ply, error) &&
+         find_degree(&degree, &ply, error) && is_moment(&ply, error) &&
          saga_cloud_admit(cloud, (size_t)ply.count, degree, path, error);
     for (size_t i = 0; i < cloud->n && ok; i++) {
         ok = saga_ply_next(row, &ply, i, error);
