@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What follows the head, for exposures, sound and volume: any 100 bytes,
- * in which the chunk of names has up to 22 bytes, and that of exposures up to
- * two cameras.
+ * What follows the head, for exposures and sound: any 64 bytes, in which the
+ * chunk of names has up to 22 bytes, and that of exposures up to two cameras.
  */
 #include "prove.h"
 
@@ -10,7 +9,7 @@
 #include "head.h"
 #include "work_block.h"
 
-enum { HEAD = 2 * SAGA_CHUNK_NBYTES, N = HEAD + 100 };
+enum { HEAD = 2 * SAGA_CHUNK_NBYTES, N = HEAD + 64 };
 
 static uint8_t bytes[N];
 static saga_header header;
@@ -31,7 +30,6 @@ int main(void)
 {
     static saga_exposure exposure;
     static saga_sound sound;
-    static saga_volume volume;
     uint32_t names, cameras;
 
     //@ loop unroll 23;
@@ -47,7 +45,6 @@ int main(void)
             header.n_cameras = (uint16_t)cameras;
             (void)saga_find_exposure(&exposure, bytes, N, any_of(0, 3));
             (void)saga_find_sound(&sound, bytes, N);
-            (void)saga_find_volume(&volume, bytes, N);
         }
     return 0;
 }
