@@ -12,8 +12,9 @@
 enum {
     HEAD = 2 * SAGA_CHUNK_NBYTES,
     MOST = 2, /* bytes of the chunk in front */
+    /* One byte too few for the volume behind a chunk of that size. */
     N = HEAD + SAGA_CHUNK_NBYTES + MOST + SAGA_CHUNK_NBYTES +
-        SAGA_VOLUME_NBYTES + 1
+        SAGA_VOLUME_NBYTES - 1
 };
 
 static uint8_t bytes[N];
