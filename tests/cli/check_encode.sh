@@ -162,6 +162,8 @@ for signal in INT TERM; do
     says 's.saga has what was trained so far, 4 frames in'
     "$dec" s.saga --camera rig:1 --time 0 --crc >out 2>err ||
         complain "finished early: $(cat err)"
+    "$saga" volume s.saga --json 2>err | grep -q '"pivot"' ||
+        complain "finished early: no viewing volume; $(cat err)"
     rm -f s.saga
     told 2 s.saga.ckpt cap -o s.saga --primitives 150 --iterations 3000
     expect 2 cap -o s.saga --primitives 150 --iterations 2000 --resume

@@ -305,28 +305,20 @@ static uint16_t quality_q8(double psnr)
 
 /* Writes the file once more, with its viewing volume and the quality that was
  * measured. A part of a film gets none, because the quality is that of the
- * whole film, nor does a rig whose cameras determine none. */
-static bool add_volume(saga_encode_session *s, saga_film *film,
-                       saga_bytes *bytes)
+ * whole film. */
+static bool add_volume(saga_encode_session *s, saga_bytes *bytes)
 {
-    saga_error none = { "" };
-    saga_bytes whole = { NULL, 0 };
-    saga_volume v;
-    bool ok;
+    const uint16_t quality[2] = { quality_q8(s->result.decoded.training),
+                                  quality_q8(s->result.decoded.held_out) };
 
-    if (s->o->only >= 0 || !saga_volume_of(&v, film, &none))
+    if (s->o->only >= 0)
         return true;
-    v.quality_q8[0] = quality_q8(s->result.decoded.training);
-    v.quality_q8[1] = quality_q8(s->result.decoded.held_out);
-    ok = saga_volume_put(&whole, s->o->output, bytes, &v, &s->error) &&
-         saga_output_write(s->o->output, whole.data, whole.nbytes, &s->error);
-    if (ok) {
-        saga_layout_free(&s->result.layout);
-        ok = saga_layout_read(&s->result.layout, s->o->output, whole.data,
-                              whole.nbytes, &s->error);
-    }
-    saga_bytes_free(&whole);
-    return ok;
+    saga_layout_free(&s->result.layout);
+    return saga_volume_add(bytes, s->o->output, quality, &s->error) &&
+           saga_output_write(s->o->output, bytes->data, bytes->nbytes,
+                             &s->error) &&
+           saga_layout_read(&s->result.layout, s->o->output, bytes->data,
+                            bytes->nbytes, &s->error);
 }
 
 int saga_encode_check(saga_encode_session *s)
@@ -351,12 +343,12 @@ int saga_encode_check(saga_encode_session *s)
                                                    s->result.cut[k].n);
     close_cuts(s);
     s->result.decoded = saga_quality_of(t.sum, t.n);
-    if (!status && !add_volume(s, &film, &bytes))
+    saga_film_close(&film);
+    if (!status && !add_volume(s, &bytes))
         status = written_but(s);
     for (int k = 0; !status && k + 1 < s->o->layers; k++)
         s->result.cut[k].nbytes = saga_layout_cut(&s->result.layout,
                                                   (uint32_t)k + 1);
-    saga_film_close(&film);
     saga_bytes_free(&bytes);
     if (saga_encode_exposure(s) > 0)
         s->result.evened = saga_quality_of(t.even, t.n);

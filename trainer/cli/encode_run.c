@@ -7,6 +7,7 @@
 
 #include "cli.h"
 #include "file.h"
+#include "film_volume.h"
 #include "model.h"
 #include "part_record.h"
 #include "splice.h"
@@ -198,9 +199,10 @@ static bool write_networks(saga_encode_session *s)
 
 int saga_encode_write_early(saga_encode_session *s)
 {
+    static const uint16_t unknown[2] = { 0, 0 }; /* nothing was measured */
+    saga_bytes now = { NULL, 0 };
     saga_info info = { 0 };
-    uint8_t *now;
-    size_t n;
+    size_t nbytes;
     bool ok;
 
     if (!saga_path_is_file(s->checkpoint))
@@ -208,21 +210,25 @@ int saga_encode_write_early(saga_encode_session *s)
                               "encode: there is no checkpoint %s to make a "
                               "file of; leave --finish out",
                               s->checkpoint);
-    ok = saga_train_peek(&now, &n, s->checkpoint, &s->error);
+    ok = saga_train_peek(&now.data, &now.nbytes, s->checkpoint, &s->error) &&
+         saga_volume_add(&now, s->o->output, unknown, &s->error);
     if (ok) {
         /* A file of this name may have been a part. */
         saga_part_forget(s->o->output);
-        (void)saga_probe(&info, now, n);
-        ok = saga_output_close(&s->out, fwrite(now, 1, n, s->out.file) == n,
-                               &s->error);
+        (void)saga_probe(&info, now.data, now.nbytes);
+        ok = saga_output_close(
+            &s->out, fwrite(now.data, 1, now.nbytes, s->out.file) == now.nbytes,
+            &s->error);
     }
-    free(now);
+    nbytes = now.nbytes;
+    saga_bytes_free(&now);
     s->finished = true;
     return ok ? saga_cli_error(SAGA_EXIT_OK,
                                "encode: %s has what was trained so far, %u "
                                "frames in %zu bytes; %s is kept, and --resume "
                                "alone goes on",
-                               s->o->output, info.n_frames, n, s->checkpoint)
+                               s->o->output, info.n_frames, nbytes,
+                               s->checkpoint)
               : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 

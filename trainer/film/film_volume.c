@@ -11,6 +11,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static const double pi = 3.14159265358979323846;
 
@@ -285,4 +286,27 @@ bool saga_volume_put(saga_bytes *out, const char *name, const saga_bytes *film,
     saga_bytes_free(out);
     return saga_fail(error, name, "see docs/bitstream.md, Volume",
                      "a value of the viewing volume is out of its range");
+}
+
+bool saga_volume_add(saga_bytes *film, const char *name,
+                     const uint16_t quality_q8[2], saga_error *error)
+{
+    saga_error none = { "" };
+    saga_film opened;
+    saga_bytes whole;
+    saga_volume v;
+    bool found;
+
+    if (!saga_film_open(&opened, name, film->data, film->nbytes, 1, error))
+        return false;
+    found = saga_volume_of(&v, &opened, &none);
+    saga_film_close(&opened);
+    if (!found)
+        return true;
+    memcpy(v.quality_q8, quality_q8, sizeof v.quality_q8);
+    if (!saga_volume_put(&whole, name, film, &v, error))
+        return false;
+    saga_bytes_free(film);
+    *film = whole;
+    return true;
 }

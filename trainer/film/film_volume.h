@@ -37,4 +37,9 @@ bool saga_volume_of(saga_volume *volume, saga_film *film, saga_error *error);
 bool saga_volume_put(saga_bytes *out, const char *name, const saga_bytes *film,
                      const saga_volume *volume, saga_error *error);
 
+/* Puts the volume of its rig, with this quality, into a film, whose bytes are
+ * replaced; leaves a film alone whose cameras determine none. */
+bool saga_volume_add(saga_bytes *film, const char *name,
+                     const uint16_t quality_q8[2], saga_error *error);
+
 #endif
