@@ -29,9 +29,11 @@ export class Bounds {
         return out > ROUNDING ? out : 0;
     }
 
-    // How far outside the user has moved the camera.
+    // How far outside the user has moved the camera; a path may lead anywhere.
     get out() {
-        return this.viewer.moved ? this.outOf(this.viewer.pose) : 0;
+        const { viewer } = this;
+
+        return viewer.moved && !viewer.path ? this.outOf(viewer.pose) : 0;
     }
 
     // The PSNR that may be expected from the camera's place in dB, or null.

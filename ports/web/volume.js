@@ -93,9 +93,11 @@ function lookOff({ pivot }, eye, forward) {
 export const shade = (out) => Math.min(1, out / MOST);
 
 // Returns the part that is made of a step from `before` to `after`, both from
-// `outside`: the farther outside, the less of a step that leads away.
-export const partOf = (before, after) =>
-    after > before ? Math.max(0, 1 - before / MOST) : 1;
+// `outside`: the farther outside, the less of a step that leads away, and not
+// much more than to the farthest, however large it is.
+export const partOf = (before, after) => after <= before ? 1
+    : Math.max(0, Math.min(1 - before / MOST,
+        (MOST - before) / (after - before)));
 
 // Returns the pose after it has gone a share of the way inside: it turns about
 // the pivot, comes nearer or goes away, and turns about itself.

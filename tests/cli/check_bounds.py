@@ -95,6 +95,10 @@ def check_spring(tab, url):
         at_rest(tab)
         near(what, tab.run(PLACE)[what], limit)
         near("the edge's shade at rest", tab.run(SHADE), 0)
+    # A large step ends about where a pull would.
+    tab.run("viewer.selectCamera(viewer.start); viewer.orbit(1.5, 0)")
+    if not 0.02 < tab.run("viewer.bounds.out") < MOST + 0.15:
+        complain("a large step leads", tab.run("viewer.bounds.out"))
     tab.run("viewer.selectCamera(viewer.start)")
     for _ in range(12):
         tab.run("viewer.dolly(1.2)")

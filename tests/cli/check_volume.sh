@@ -91,6 +91,7 @@ told 2 '400 is not within 0 and 180' a.saga --azimuth 400 -o x.saga
 told 2 'give both ends of the range in order' a.saga --nearest 200 -o x.saga
 told 2 'give both ends of the range in order' a.saga --lowest 80 -o x.saga
 told 2 'a change needs -o OUT' a.saga --find
+told 2 'leave the other options out' a.saga --none --find -o x.saga
 told 2 'give what to change' a.saga -o x.saga
 told 2 'has no camera 99' a.saga --start 99 -o x.saga
 head -c 300 a.saga >cut.saga

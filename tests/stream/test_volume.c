@@ -140,6 +140,36 @@ TEST(every_part_of_a_film_should_have_the_volume)
     saga_bytes_free(&f);
 }
 
+/* Fewer layers look worse, by an amount that is unknown. */
+TEST(fewer_layers_should_promise_no_quality)
+{
+    const gen_options o = { .seed = 5,
+                            .level = 1,
+                            .n_coarse = 3,
+                            .tools_fixed = 1,
+                            .bounded = 1,
+                            .n_layers = 2 };
+    saga_volume want = gen_stream_volume(1), got;
+    saga_splice_part part = { .name = "it", .n_layers = 2 };
+    saga_bytes f, cut = { NULL, 0 };
+    saga_error error = { "" };
+
+    f.data = gen_stream_bytes(&o, &f.nbytes);
+    part.bytes = f.data;
+    part.nbytes = f.nbytes;
+    for (part.n_layers = 2; part.n_layers > 0; part.n_layers--) {
+        assert_true(saga_splice(&cut.data, &cut.nbytes, &part, 1, &error));
+        assert_ok(saga_find_volume(&got, cut.data, cut.nbytes));
+        if (part.n_layers < 2)
+            want.quality_q8[0] = want.quality_q8[1] = 0;
+        assert_int_equal(got.quality_q8[0], want.quality_q8[0]);
+        assert_int_equal(got.quality_q8[1], want.quality_q8[1]);
+        assert_int_equal(got.distance_max, want.distance_max);
+        saga_bytes_free(&cut);
+    }
+    saga_bytes_free(&f);
+}
+
 /* --- What is found for a rig --------------------------------------------- */
 
 static void assert_close(double got, double want, double most)

@@ -85,12 +85,12 @@ static bool change(saga_volume *v, const options *o, const saga_film *film,
     return true;
 }
 
-/* Tells whether any option asks for a change. */
-static bool changes(const options *o)
+/* Tells whether an option asks for a volume, or for a change of one. */
+static bool asks(const options *o)
 {
-    return o->find || o->none || o->start || !isnan(o->nearest) ||
-           !isnan(o->farthest) || !isnan(o->floor) || !isnan(o->azimuth) ||
-           !isnan(o->lowest) || !isnan(o->highest) || !isnan(o->turn);
+    return o->find || o->start || !isnan(o->nearest) || !isnan(o->farthest) ||
+           !isnan(o->floor) || !isnan(o->azimuth) || !isnan(o->lowest) ||
+           !isnan(o->highest) || !isnan(o->turn);
 }
 
 /* Sets *v to the film's volume, or to what its rig gives. What is expected of
@@ -182,7 +182,11 @@ static int run_volume(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    if (changes(&o) != (o.out != NULL))
+    if (o.none && asks(&o))
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "volume: --none removes the volume; leave the "
+                              "other options out");
+    if ((o.none || asks(&o)) != (o.out != NULL))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               o.out ? "volume: -o %s: give what to change, for "
                                       "example --find"

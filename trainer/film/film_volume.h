@@ -15,8 +15,8 @@
  * seen from the pivot. Then
  *
  *     azimuth, elevation   those of the cameras, and s / 4 more, at least 1 and
- *                          at most 5 degrees; a rig that stands all round has
- *                          any azimuth
+ *                          at most 5 degrees, elevations within 85 degrees; a
+ *                          rig that stands all round has any azimuth
  *     distance             from half of the nearest camera's to 1.05 of the
  *                          farthest's
  *     turn                 a quarter of the angle that the first camera's

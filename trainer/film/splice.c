@@ -374,6 +374,9 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     write_bytes(s, cameras_of(p).bytes, cameras_of(p).n);
     write_bytes(s, sound_of(p, n_pieces).bytes, sound_of(p, n_pieces).n);
     write_bytes(s, volume_of(p).bytes, volume_of(p).n);
+    /* Its last field, the quality, is that of all layers. */
+    if (volume_of(p).n && p->header.more_layers + 1u < p->layout.n_layers)
+        memset(s->bytes + s->at - 4, 0, 4);
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);

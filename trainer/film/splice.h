@@ -28,7 +28,7 @@ typedef struct saga_splice_part {
  * segments, so joining all parts of a file that `saga encode` wrote gives
  * exactly that file. Names and exposures of the cameras and the viewing volume
  * are those of the first part. The sound is kept only if one part is the whole
- * film.
+ * film, and the volume's quality is unknown if layers are left out.
  * Fails if a part is damaged, if its frames do not begin or end with a segment,
  * if it has fewer layers than wanted, or if heads or networks differ; *error
  * says which, and *bytes is NULL. */
