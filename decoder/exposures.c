@@ -36,7 +36,6 @@ saga_status saga_find_exposure(saga_exposure *exposure, const uint8_t *bytes,
     saga_chunk c;
     saga_header h;
     saga_plan plan;
-    uint32_t networks, type;
     size_t at;
     saga_status s = saga_block_plan(&h, &plan, bytes, n, 0);
 
@@ -46,17 +45,7 @@ saga_status saga_find_exposure(saga_exposure *exposure, const uint8_t *bytes,
         return SAGA_ERR_ARG;
     if (n < saga_head_nbytes(&h))
         return SAGA_ERR_TRUNCATED;
-    /* The chunk follows the head and the names; both continue NETS' CRC. */
-    at = (size_t)saga_head_nbytes(&h);
-    networks = saga_head_networks_crc(&h, bytes);
-    s = saga_head_skip(&at, SAGA_CHUNK_NAMES, networks, bytes, n);
-    if (!s)
-        s = saga_head_type(&type, bytes, n, at);
-    if (s)
-        return s;
-    if (type != SAGA_CHUNK_EXPOSURES)
-        return SAGA_ERR_ARG;
-    s = saga_head_chunk(&c, SAGA_CHUNK_EXPOSURES, networks, bytes + at, n - at);
+    s = saga_head_find(&c, &at, SAGA_CHUNK_EXPOSURES, &h, bytes, n);
     if (s)
         return s;
     if (c.nbytes != h.n_cameras * (uint32_t)SAGA_EXPOSURE_NBYTES)

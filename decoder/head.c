@@ -96,8 +96,10 @@ saga_status saga_head_type(uint32_t *type, const uint8_t *bytes, size_t n,
     return SAGA_OK;
 }
 
-saga_status saga_head_skip(size_t *at, uint32_t type, uint32_t owner,
-                           const uint8_t *bytes, size_t n)
+/* Moves *at past the chunk there if it has the type, and leaves it otherwise.
+ */
+static saga_status skip(size_t *at, uint32_t type, uint32_t owner,
+                        const uint8_t *bytes, size_t n)
 {
     saga_chunk c;
     uint32_t found;
@@ -109,4 +111,26 @@ saga_status saga_head_skip(size_t *at, uint32_t type, uint32_t owner,
     if (s == SAGA_OK)
         *at += SAGA_CHUNK_NBYTES + (size_t)c.nbytes;
     return s;
+}
+
+saga_status saga_head_find(saga_chunk *chunk, size_t *at, uint32_t type,
+                           const saga_header *h, const uint8_t *bytes, size_t n)
+{
+    static const uint32_t order[4] = { SAGA_CHUNK_NAMES, SAGA_CHUNK_EXPOSURES,
+                                       SAGA_CHUNK_SOUND, SAGA_CHUNK_VOLUME };
+    /* The CRCs of all of them continue that of NETS. */
+    const uint32_t networks = saga_head_networks_crc(h, bytes);
+    uint32_t found, i;
+    saga_status s = SAGA_OK;
+
+    *at = (size_t)saga_head_nbytes(h);
+    for (i = 0; order[i] != type && !s; i++)
+        s = skip(at, order[i], networks, bytes, n);
+    if (!s)
+        s = saga_head_type(&found, bytes, n, *at);
+    if (s)
+        return s;
+    return found == type
+               ? saga_head_chunk(chunk, type, networks, bytes + *at, n - *at)
+               : SAGA_ERR_ARG;
 }

@@ -40,10 +40,14 @@ saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
 saga_status saga_head_type(uint32_t *type, const uint8_t *bytes, size_t n,
                            size_t at);
 
-/* Moves *at past an optional chunk: if the chunk at byte *at has the type, it
- * is checked as by saga_head_chunk; its payload is not checked. Returns OK, or
+/* Finds the optional chunk of a type behind the head: EXPO, OPUS or VOLU. Sets
+ * *at to its first byte and *chunk; its payload is at bytes + *at +
+ * SAGA_CHUNK_NBYTES. Optional chunks in front of it are checked as by
+ * saga_head_chunk, but not their payload. *h is the header in bytes[0..n),
+ * which have the whole head. Returns OK; ARG if the file has no such chunk; or
  * an error of the two functions above. */
-saga_status saga_head_skip(size_t *at, uint32_t type, uint32_t owner,
-                           const uint8_t *bytes, size_t n);
+saga_status saga_head_find(saga_chunk *chunk, size_t *at, uint32_t type,
+                           const saga_header *h, const uint8_t *bytes,
+                           size_t n);
 
 #endif

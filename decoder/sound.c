@@ -30,26 +30,11 @@ saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n)
     saga_chunk c;
     saga_header h;
     saga_plan plan;
-    uint32_t networks, type;
     size_t at;
     saga_status s = saga_block_plan(&h, &plan, bytes, n, 1);
 
-    if (s)
-        return s;
-    /* The chunk follows the head, the names and the exposures; all three
-     * continue NETS' CRC. */
-    at = (size_t)saga_head_nbytes(&h);
-    networks = saga_head_networks_crc(&h, bytes);
-    s = saga_head_skip(&at, SAGA_CHUNK_NAMES, networks, bytes, n);
     if (!s)
-        s = saga_head_skip(&at, SAGA_CHUNK_EXPOSURES, networks, bytes, n);
-    if (!s)
-        s = saga_head_type(&type, bytes, n, at);
-    if (s)
-        return s;
-    if (type != SAGA_CHUNK_SOUND)
-        return SAGA_ERR_ARG;
-    s = saga_head_chunk(&c, SAGA_CHUNK_SOUND, networks, bytes + at, n - at);
+        s = saga_head_find(&c, &at, SAGA_CHUNK_SOUND, &h, bytes, n);
     if (!s)
         s = check_payload(&c, bytes, n, at);
     if (s)

@@ -83,29 +83,15 @@ static int is_valid(const saga_volume *v, uint32_t n_cameras)
 saga_status saga_find_volume(saga_volume *volume, const uint8_t *bytes,
                              size_t n)
 {
-    static const uint32_t before[3] = { SAGA_CHUNK_NAMES, SAGA_CHUNK_EXPOSURES,
-                                        SAGA_CHUNK_SOUND };
     saga_volume found;
     saga_chunk c;
     saga_header h;
     saga_plan plan;
-    uint32_t networks, type, i;
     size_t at;
     saga_status s = saga_block_plan(&h, &plan, bytes, n, 1);
 
-    if (s)
-        return s;
-    at = (size_t)saga_head_nbytes(&h);
-    networks = saga_head_networks_crc(&h, bytes);
-    for (i = 0; i < 3 && !s; i++)
-        s = saga_head_skip(&at, before[i], networks, bytes, n);
     if (!s)
-        s = saga_head_type(&type, bytes, n, at);
-    if (s)
-        return s;
-    if (type != SAGA_CHUNK_VOLUME)
-        return SAGA_ERR_ARG;
-    s = saga_head_chunk(&c, SAGA_CHUNK_VOLUME, networks, bytes + at, n - at);
+        s = saga_head_find(&c, &at, SAGA_CHUNK_VOLUME, &h, bytes, n);
     if (s)
         return s;
     if (c.nbytes != SAGA_VOLUME_NBYTES)

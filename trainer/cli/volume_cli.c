@@ -61,6 +61,7 @@ static bool change(saga_volume *v, const options *o, const saga_film *film,
     };
     uint32_t start;
 
+    /* Fields become those that are given; both ends of a range may change. */
     for (int i = 0; i < 7; i++)
         if (!grant(&x[i], &wishes[i], error))
             return false;

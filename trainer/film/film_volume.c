@@ -280,7 +280,7 @@ bool saga_volume_put(saga_bytes *out, const char *name, const saga_bytes *film,
     }
     if (!saga_aside_put(out, name, film, SAGA_CHUNK_VOLUME, &payload, error))
         return false;
-    /* What no decoder would accept is not written. */
+    /* A decoder has to accept the file. */
     if (!volume || saga_find_volume(&back, out->data, out->nbytes) == SAGA_OK)
         return true;
     saga_bytes_free(out);
