@@ -18,6 +18,7 @@
 #   metrics    docs/metrics.md has a row for each metric of saga eval
 #   findings   docs/troubleshooting.md has a row for each finding of saga check,
 #              and none besides
+#   reference  docs/api.md is what tools/api_page.py makes of the sources
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 
@@ -162,5 +163,12 @@ for finding in sorted((set(found) - {"..."}) ^ set(rows)):
         "no row" if finding in found else "no finding of saga check"))
 PYTHON
 verdict findings
+
+# ---- reference
+if python3 tools/api_page.py "$tmp/api.md" 2>"$tmp/bad"; then
+    diff docs/api.md "$tmp/api.md" | head >"$tmp/bad" || :
+    [ ! -s "$tmp/bad" ] || echo "run tools/api_page.py" >>"$tmp/bad"
+fi
+verdict reference
 
 [ ! -e "$tmp/failed" ]

@@ -33,7 +33,8 @@ import time
 from collections import namedtuple
 from fractions import Fraction
 
-__all__ = ["Camera", "Error", "Film", "encode", "open"]
+__all__ = ["Camera", "Error", "Film", "Info", "Volume", "crc32c", "encode",
+           "open"]
 
 _I32, _U32, _U16, _I16 = (ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint16,
                           ctypes.c_int16)
@@ -96,6 +97,7 @@ class Camera(_Struct):
             raise OverflowError(f"{name} cannot be {value}")
 
     def copy(self):
+        """Returns a camera of its own with the same values."""
         return Camera.from_buffer_copy(self)
 
 
@@ -224,6 +226,16 @@ Info = namedtuple("Info", "name nbytes version level n_frames n_segments fps "
                   "metres_per_unit centre_metres")
 Volume = namedtuple("Volume", "pivot nearest farthest azimuth lowest highest "
                     "turn floor up front start psnr")
+Info.__doc__ = """The properties of a film, film.info. level: of 0 to 3, what
+a decoder must be able to do. fps: a Fraction. max_primitives: the most in any
+segment, with its base. memory_nbytes: what the decoder takes. A position in
+metres is centre_metres + metres_per_unit x in units of the box."""
+Volume.__doc__ = """A sector of a ball around `pivot`, film.volume. An eye of
+azimuth a, elevation e and distance d is at pivot + d (cos e (cos a front +
+sin a side) + sin e up), with side = up x front. nearest, farthest: limits of
+d; azimuth: the largest |a|; lowest, highest: limits of e; turn: how far the
+eye may look away from the pivot; floor: its height above the pivot, or None;
+start: the camera of the rig with which a player begins."""
 
 
 def _in_turn(method):
