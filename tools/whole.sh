@@ -70,6 +70,7 @@ while IFS= read -r line; do
         echo "$line"
         echo "<meta http-equiv=\"Content-Security-Policy\" content=\"$policy\">"
         ;;
+    '<title>'*) echo '<title></title>' ;;
     '<link rel="stylesheet"'*)
         echo '<style>'
         sed 's/^ *//; /^$/d; /SPDX/d' "$web/page.css"

@@ -92,6 +92,7 @@ export async function wholePage(film, viewer) {
     if (blob.size > MOST_NBYTES)
         throw new SagaError(`${viewer.name}: is too large for a page; put it ` +
             'on a server (docs/embed.md)');
+    page.title = viewer.name;
     page.getElementById('carried').textContent = JSON.stringify(
         { src: null, pictures: [], name: viewer.name })
         .replaceAll('<', '\\u003c');

@@ -5,6 +5,9 @@
               most 1.4 times the film and 300 kB, with a poster; the same bytes
               each time; a name with HTML is escaped; nothing remains of a page
               that cannot be written, and options for splats are refused
+  links       with --address the page has the tags of Open Graph, whose picture
+              is a PNG beside it, whatever the names are; other addresses are
+              refused
   alone       opened from file:// in Chromium, in a folder with no other file,
               the page shows the picture of vectors/MANIFEST, and plays film and
               sound, also what is decoded ahead of time. It asks for nothing but
@@ -91,6 +94,52 @@ def check_file(tmp):
     if [name for name in os.listdir(tmp) if "none" in name]:
         complain("a page that failed leaves", os.listdir(tmp))
     verdict("file")
+
+
+# --- Links to it -----------------------------------------------------------
+
+def tags_of(page):
+    return {name: html.unescape(text) for name, text in re.findall(
+        r'<meta property="og:([a-z:]+)" content="([^"]*)">', page)}
+
+
+def check_links(tmp):
+    folder = tmp + "/links"
+    os.mkdir(folder)
+    if tags_of(export(DEMO, folder + "/bare.html")):
+        complain("a page without address has tags")
+    evil = folder + '/a "b" <i>&amp;.saga'
+    shutil.copy(DEMO, evil)
+    # DEMO has 24 pictures at 24 a second, of 320x180.
+    for address, base in (("https://x.org/p/q.html", "https://x.org/p/"),
+                          ("https://x.org", "https://x.org/"),
+                          ("http://x.org/~me/", "http://x.org/~me/")):
+        page = checks.run(SAGA, "export", evil, "-o", folder + "/a b.html",
+                          "--address", address) and read(
+                              folder + "/a b.html").decode()
+        want = {"type": "website", "title": os.path.basename(evil),
+                "description": "1 seconds of volumetric video",
+                "url": address, "image": base + "a%20b.png",
+                "image:width": "320", "image:height": "180"}
+        if tags_of(page) != want:
+            complain(address, "gives", tags_of(page))
+        title = re.search("<title>(.*?)</title>", page)[1]
+        if "<" in title or html.unescape(title) != os.path.basename(evil):
+            complain("the title is", title)
+    png = read(folder + "/a b.png")
+    if png[:8] != b"\x89PNG\r\n\x1a\n" or \
+            png[16:24] != (320).to_bytes(4, "big") + (180).to_bytes(4, "big"):
+        complain("the picture for links is no PNG of 320x180")
+    for bad in ("x.org/a.html", "ftp://x.org/", "https:///a.html", "https://",
+                "https://x.org/a b.html", 'https://x.org/"', "https://x.org/?a",
+                "https://x.org/\u00e4.html"):
+        checks.run(SAGA, "export", DEMO, "-o", folder + "/none.html",
+                   "--address", bad, status=2, says="is no web address")
+    checks.run(SAGA, "export", DEMO, "-o", folder + "/none.ply", "--address",
+               "https://x.org/a.html", status=2, says="is for a page")
+    if [name for name in os.listdir(folder) if "none" in name]:
+        complain("what was refused left", os.listdir(folder))
+    verdict("links")
 
 
 # --- The page in a browser -------------------------------------------------
@@ -199,8 +248,9 @@ def check_button(tab, tmp):
     if film_of(page) != read(DEMO):
         complain("the button saves another film")
     if json.loads(part(page, "carried"))["name"] != "x.saga" or \
-            "data:image/jpeg;base64,/9j/" not in page:
-        complain("the page has no name or no poster")
+            "data:image/jpeg;base64,/9j/" not in page or \
+            "<title>x.saga</title>" not in page:
+        complain("the page has no name, no title or no poster")
     with open(tmp + "/saved.html", "w") as f:
         f.write(page)
     if not show(tab, "file://" + tmp + "/saved.html"):
@@ -245,6 +295,7 @@ def main():
         return 1 if checks.failed else 0
     with tempfile.TemporaryDirectory() as tmp:
         check_file(tmp)
+        check_links(tmp)
         if checks.skips():
             return 1 if checks.failed else 0
         tab = browser.Browser()

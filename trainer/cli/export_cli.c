@@ -26,7 +26,8 @@ typedef struct {
     const char *out;
     saga_cli_pair frames;
     const char *camera; /* NULL: colours are fitted */
-    int frame, degree;  /* frame: -1 if not given */
+    const char *address;
+    int frame, degree; /* frame: -1 if not given */
     bool quiet;
 } options;
 
@@ -227,9 +228,12 @@ static bool is_page(const options *o)
 
 static bool write_page(session *s)
 {
-    if (!saga_page_write(s->o->out, &s->film, &s->unwritten, &s->error))
+    if (!saga_page_write(s->o->out, s->o->address, &s->film, &s->unwritten,
+                         &s->error))
         return false;
     saga_cli_print("%s: a page with the film, for any browser", s->o->out);
+    if (s->o->address)
+        saga_cli_print("put it at %s, and the .png beside it", s->o->address);
     return true;
 }
 
@@ -298,6 +302,12 @@ static int check_sequence(const options *o)
 /* A page has the film as it is. */
 static int check_page(const options *o)
 {
+    if (o->address && !saga_page_is_address(o->address))
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: --address %s: is no web address of a "
+                              "page; give one like https://example.org/x.html, "
+                              "with %%20 for a space",
+                              o->address);
     if (o->frame < 0 && !o->frames.a && !o->frames.b && !o->camera &&
         o->degree == USUAL_DEGREE)
         return SAGA_EXIT_OK;
@@ -317,6 +327,11 @@ static int check_options(const options *o)
                                                "see `saga help export`");
     if (is_page(o))
         return check_page(o);
+    if (o->address)
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: --address is for a page (.html), not "
+                              "for %s",
+                              o->out);
     saga_cloud_suffixes(known);
     if (!saga_cloud_format_of(o->out))
         return saga_cli_error(SAGA_EXIT_USAGE,
@@ -386,6 +401,12 @@ static const saga_cli_option option_list[] = {
       "take the colours that a camera of the file sees, by name\n"
       "or by number, instead of fitting them",
       saga_cli_text, offsetof(options, camera), 0, 0 },
+    { "--address", "URL",
+      "where on the web a page will be. It then has the tags from\n"
+      "which messengers and networks show a link with title and\n"
+      "picture (Open Graph); the picture, OUT with .png instead\n"
+      "of .html, has to lie beside it",
+      saga_cli_text, offsetof(options, address), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
@@ -405,6 +426,8 @@ const saga_command saga_command_export = {
     "  saga export scene.saga -o scene.glb --frame 12\n"
     "  saga export scene.saga -o frames/scene_%04d.spz\n"
     "  saga export scene.saga -o scene.html\n"
+    "  saga export scene.saga -o scene.html --address "
+    "https://example.org/scene.html\n"
     "\n"
     "A page (.html) contains the player, the decoder, a poster and the film,\n"
     "unchanged. It opens by a double click, without a server, an installation\n"

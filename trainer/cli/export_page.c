@@ -7,11 +7,13 @@
 #include "json_cli.h"
 #include "orbit.h"
 #include "output.h"
+#include "picture.h"
 #include "utf8.h"
 #include "view_files.h"
 
 #include <jansson.h>
 #include <limits.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <webp/encode.h>
@@ -24,62 +26,169 @@ enum {
 };
 
 /* The page's empty places begin after these texts, in this order. */
-static const char *const places[] = { "id=\"carried\">",
-                                      "id=\"poster\" alt=\"\" src=\"",
-                                      "id=\"film\">" };
-enum { N_PLACES = sizeof places / sizeof places[0] };
+enum { TITLE, TAGS, CARRIED, POSTER, FILM, N_PLACES };
+static const char *const places[N_PLACES] = {
+    [TITLE] = "<title>",           [TAGS] = "</title>",
+    [CARRIED] = "id=\"carried\">", [POSTER] = "id=\"poster\" alt=\"\" src=\"",
+    [FILM] = "id=\"film\">",
+};
+
+/* A film and what is made of it. */
+typedef struct page {
+    saga_film *film;
+    char name[3 * NAME_MAX + 1]; /* of the film, safe to show */
+    saga_camera camera;          /* of the poster */
+    uint8_t *rgb;                /* the poster; NULL: there is none */
+    char *picture;               /* path of the poster for links, or NULL */
+    char *texts[N_PLACES];
+    saga_error *error;
+} page;
+
+/* --- Texts ---------------------------------------------------------------- */
+
+static char *no_memory(const page *p)
+{
+    saga_no_memory(0, p->film->name, p->error);
+    return NULL;
+}
+
+/* Writes a text into HTML, where quotes may surround it. */
+static void put_escaped(FILE *f, const char *text)
+{
+    for (; *text; text++)
+        switch (*text) {
+        case '&':
+            fputs("&amp;", f);
+            break;
+        case '<':
+            fputs("&lt;", f);
+            break;
+        case '"':
+            fputs("&quot;", f);
+            break;
+        default:
+            fputc(*text, f);
+        }
+}
+
+static char *title_of(const page *p)
+{
+    char *text = NULL;
+    size_t n;
+    FILE *const f = open_memstream(&text, &n);
+
+    if (!f)
+        return no_memory(p);
+    put_escaped(f, p->name);
+    return fclose(f) == 0 ? text : (free(text), no_memory(p));
+}
+
+static void put_tag(FILE *f, const char *name, const char *text)
+{
+    fprintf(f, "\n<meta property=\"og:%s\" content=\"", name);
+    put_escaped(f, text);
+    fputs("\">", f);
+}
+
+/* Returns the tags of The Open Graph Protocol, ogp.me. The picture's address
+ * has to be a whole one; it lies beside the page. */
+static char *tags_of(const page *p, const char *address)
+{
+    const saga_info *const i = &p->film->info;
+    char *text = NULL, about[80];
+    size_t n;
+    FILE *const f = open_memstream(&text, &n);
+
+    if (!f)
+        return no_memory(p);
+    (void)snprintf(about, sizeof about, "%.3g seconds of volumetric video",
+                   (double)i->n_frames * i->fps_den / i->fps_num);
+    put_tag(f, "type", "website");
+    put_tag(f, "title", p->name);
+    put_tag(f, "description", about);
+    put_tag(f, "url", address);
+    if (p->picture) {
+        const char *const host = strstr(address, "://") + 3;
+        const char *const slash = strrchr(host, '/');
+        const int n_base = (int)(slash ? slash - address
+                                       : (long)strlen(address));
+        const char *const name = saga_path_base(p->picture);
+
+        fprintf(f, "\n<meta property=\"og:image\" content=\"%.*s/", n_base,
+                address);
+        for (const char *c = name; *c; c++)
+            if (strchr("-._~", *c) || (*c >= '0' && *c <= '9') ||
+                ((*c | 32) >= 'a' && (*c | 32) <= 'z'))
+                fputc(*c, f);
+            else
+                fprintf(f, "%%%02X", (unsigned)(unsigned char)*c);
+        fprintf(
+            f,
+            "\">\n<meta property=\"og:image:width\" content=\"%d\">"
+            "\n<meta property=\"og:image:height\" content=\"%d\">"
+            "\n<meta name=\"twitter:card\" content=\"summary_large_image\">",
+            p->camera.width, p->camera.height);
+    }
+    return fclose(f) == 0 ? text : (free(text), no_memory(p));
+}
 
 /* Returns what the page is told about the film, its name, as JSON. */
-static char *carried_json(const saga_film *film, saga_error *error)
+static char *carried_json(const page *p)
 {
-    const char *const name = saga_path_base(film->name);
-    char shown[3 * NAME_MAX + 1];
-    json_t *json;
+    json_t *const json = json_pack("{s:n, s:[], s:s}", "src", "pictures",
+                                   "name", p->name);
+    char *const text = json_dumps(json, JSON_COMPACT);
+
+    json_decref(json);
+    return text ? text : no_memory(p);
+}
+
+/* --- The poster ----------------------------------------------------------- */
+
+/* Draws the first picture of the first camera, if the film has cameras. */
+static bool draw_poster(page *p)
+{
+    saga_camera *const c = &p->camera;
+    uint32_t number;
+
+    if (!p->film->info.n_cameras)
+        return true;
+    if (!saga_film_rig(p->film, 0, c, &number, p->error))
+        return false;
+    if (c->width > POSTER_WIDTH)
+        saga_camera_resize(c, POSTER_WIDTH,
+                           1 + (c->height - 1) * POSTER_WIDTH / c->width);
+    p->rgb = saga_alloc((size_t)3 * c->width * c->height, 1, p->film->name,
+                        p->error);
+    return p->rgb && saga_film_draw(p->film, c, 0, 1, p->rgb, p->error);
+}
+
+/* Returns the poster as a data URL. */
+static char *poster_url(const page *p)
+{
+    const saga_camera *const c = &p->camera;
+    uint8_t *webp = NULL;
+    size_t n;
     char *text;
 
-    saga_utf8_copy(shown, sizeof shown, name, strlen(name));
-    json = json_pack("{s:n, s:[], s:s}", "src", "pictures", "name", shown);
-    text = json_dumps(json, JSON_COMPACT);
-    json_decref(json);
-    if (!text)
-        saga_no_memory(0, film->name, error);
-    return text;
-}
-
-/* Returns the first picture of the first camera as a data URL, or an empty
- * picture for a film without cameras. */
-static char *poster_of(saga_film *film, saga_error *error)
-{
-    saga_camera c;
-    uint32_t number;
-    uint8_t *rgb, *webp = NULL;
-    size_t n = 0;
-    char *text = NULL;
-
-    if (!film->info.n_cameras)
-        return saga_string_copy("data:,", error);
-    if (!saga_film_rig(film, 0, &c, &number, error))
-        return NULL;
-    if (c.width > POSTER_WIDTH)
-        saga_camera_resize(&c, POSTER_WIDTH,
-                           1 + (c.height - 1) * POSTER_WIDTH / c.width);
-    rgb = saga_alloc((size_t)3 * c.width * c.height, 1, film->name, error);
-    if (rgb && saga_film_draw(film, &c, 0, 1, rgb, error)) {
-        n = WebPEncodeRGB(rgb, c.width, c.height, 3 * c.width, POSTER_QUALITY,
-                          &webp);
-        text = n ? saga_base64("data:image/webp;base64,", webp, n, error)
-                 : (saga_no_memory(0, film->name, error), NULL);
-    }
+    if (!p->rgb)
+        return saga_string_copy("data:,", p->error);
+    n = WebPEncodeRGB(p->rgb, c->width, c->height, 3 * c->width, POSTER_QUALITY,
+                      &webp);
+    text = n ? saga_base64("data:image/webp;base64,", webp, n, p->error)
+             : no_memory(p);
     WebPFree(webp);
-    free(rgb);
     return text;
 }
+
+/* --- The page --------------------------------------------------------------
+ */
 
 /* Writes the page with a text at each place. */
-static void put_page(FILE *f, const saga_view_file *page, char *const *texts)
+static void put_page(FILE *f, const saga_view_file *file, char *const *texts)
 {
-    const char *at = (const char *)page->bytes;
-    const char *const end = at + page->nbytes;
+    const char *at = (const char *)file->bytes;
+    const char *const end = at + file->nbytes;
 
     for (int i = 0; i < N_PLACES; i++) {
         const char *const start = at;
@@ -87,23 +196,62 @@ static void put_page(FILE *f, const saga_view_file *page, char *const *texts)
         /* tools/whole.sh writes all places, which a test checks. */
         at = saga_view_text_find(at, places[i]) + strlen(places[i]);
         fwrite(start, 1, (size_t)(at - start), f);
-        saga_cli_embed_json(f, texts[i]); /* the others have no "<" */
+        if (i == CARRIED)
+            saga_cli_embed_json(f, texts[i]);
+        else
+            fputs(texts[i], f);
     }
     fwrite(at, 1, (size_t)(end - at), f);
 }
 
-bool saga_page_write(const char *path, saga_film *film, bool *unwritten,
-                     saga_error *error)
+/* Makes all texts. path: that of the page. */
+static bool make_texts(page *p, const char *path, const char *address)
 {
-    const saga_view_file *const page = saga_view_file_find("whole.html");
-    char *texts[N_PLACES] = { NULL };
+    char **const texts = p->texts;
+    const char *const name = saga_path_base(p->film->name);
+
+    saga_utf8_copy(p->name, sizeof p->name, name, strlen(name));
+    if (!draw_poster(p))
+        return false;
+    if (address && p->rgb) {
+        p->picture = saga_string_copy(path, p->error);
+        if (!p->picture)
+            return false;
+        memcpy(strrchr(p->picture, '.'), ".png", sizeof ".png");
+    }
+    return (texts[TITLE] = title_of(p)) &&
+           (texts[TAGS] = address ? tags_of(p, address)
+                                  : saga_string_copy("", p->error)) &&
+           (texts[CARRIED] = carried_json(p)) &&
+           (texts[POSTER] = poster_url(p)) &&
+           (texts[FILM] = saga_base64("", p->film->bytes, p->film->nbytes,
+                                      p->error));
+}
+
+/* Writes the picture for links, and then the page, which appear whole or not at
+ * all. */
+static bool write_outputs(const page *p, const char *path,
+                          const saga_view_file *file)
+{
     saga_output out = { 0 };
+
+    if ((p->picture && !saga_png_write(p->picture, p->camera.width,
+                                       p->camera.height, p->rgb, p->error)) ||
+        !saga_output_open(&out, path, p->error))
+        return false;
+    put_page(out.file, file, p->texts);
+    return saga_output_close(&out, true, p->error);
+}
+
+bool saga_page_write(const char *path, const char *address, saga_film *film,
+                     bool *unwritten, saga_error *error)
+{
+    const saga_view_file *const file = saga_view_file_find("whole.html");
+    page p = { .film = film, .error = error };
     bool ok;
 
-    /* A file that cannot be a page is refused. Then the texts are made, and the
-     * page, which appears whole or not at all. */
     *unwritten = false;
-    if (!page)
+    if (!file)
         return saga_fail(error, path,
                          "install clang and lld, then `make` again",
                          "this program was built without the decoder for "
@@ -112,19 +260,27 @@ bool saga_page_write(const char *path, saga_film *film, bool *unwritten,
         return saga_fail(
             error, film->name, "put it on a server (docs/embed.md)",
             "has %zu bytes; a page may hold %d", film->nbytes, MOST_NBYTES);
-    ok = (texts[0] = carried_json(film, error)) &&
-         (texts[1] = poster_of(film, error)) &&
-         (texts[2] = saga_base64("", film->bytes, film->nbytes, error));
+    ok = make_texts(&p, path, address);
     if (ok) {
-        *unwritten = !saga_output_open(&out, path, error);
-        ok = !*unwritten;
-    }
-    if (ok) {
-        put_page(out.file, page, texts);
-        ok = saga_output_close(&out, true, error);
+        ok = write_outputs(&p, path, file);
         *unwritten = !ok;
     }
     for (int i = 0; i < N_PLACES; i++)
-        free(texts[i]);
+        free(p.texts[i]);
+    free(p.picture);
+    free(p.rgb);
     return ok;
+}
+
+bool saga_page_is_address(const char *address)
+{
+    const char *const host = strstr(address, "://");
+
+    if (strncmp(address, "http://", 7) != 0 &&
+        strncmp(address, "https://", 8) != 0)
+        return false;
+    for (const char *c = address; *c; c++)
+        if (*c <= ' ' || *c > '~' || strchr("\"<>\\?#", *c))
+            return false;
+    return host[3] != '\0' && host[3] != '/';
 }
