@@ -340,72 +340,85 @@ static saga_camera rig_lens(const opened *o)
     return c;
 }
 
-/* Returns the path's largest angle from `ahead`, and sets the ends of
- * its elevations and distances. */
-static double widest(double elevation[2], double distance[2],
-                     const saga_orbit *p, const saga_metric *metric)
+enum { X, Y, Z, MINUS_X };
+
+static double along(const double a[3], int axis)
 {
-    double most = 0;
-
-    elevation[0] = distance[0] = 1e9;
-    elevation[1] = distance[1] = -1e9;
-    for (int k = 0; k < 16; k++) {
-        saga_source_view s = { .name = "" };
-        saga_error error = { "" };
-        double to[3], up, d;
-        saga_camera c;
-
-        assert_true(saga_orbit_camera(&c, p, metric, k / 16.0, &error));
-        saga_source_view_of_camera(&s, metric, &c);
-        saga_source_view_centre(to, &s);
-        for (int i = 0; i < 3; i++)
-            to[i] -= p->focus[i];
-        up = to[0] * p->up[0] + to[1] * p->up[1] + to[2] * p->up[2];
-        d = sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2]);
-        elevation[0] = fmin(elevation[0], asin(up / d));
-        elevation[1] = fmax(elevation[1], asin(up / d));
-        distance[0] = fmin(distance[0], d);
-        distance[1] = fmax(distance[1], d);
-        most = fmax(most, fabs(atan2(to[0] * p->side[0] + to[1] * p->side[1] +
-                                         to[2] * p->side[2],
-                                     to[0] * p->ahead[0] + to[1] * p->ahead[1] +
-                                         to[2] * p->ahead[2])));
-    }
-    return most;
+    return axis == MINUS_X ? -a[X] : a[axis];
 }
 
-/* A volume of 20 degrees to the sides, 10 to 15 above, and 2 to 2.5 units of
- * the capture away, for an orbit of a full circle, lower and nearer. */
+static void set_axis(int16_t to[3], int axis)
+{
+    to[axis % 3] = axis == MINUS_X ? -16384 : 16384;
+}
+
+/* A volume of 20 degrees to the sides and 2 to 2.5 units of the capture away,
+ * for an orbit of a full circle around (0, 0, 0), lower and nearer. Its axes
+ * are those of the orbit or others, as another program may choose them. Where a
+ * camera is follows from the axes of the row alone. */
 TEST(orbit_should_stay_in_the_viewing_volume)
 {
     static const double degree = 3.14159265358979323846 / 180;
-    const saga_metric metric = { 1.0 / (1 << 22), { 0, 0, 0 } };
-    saga_orbit p = { .up = { 0, 0, 1 },
-                     .ahead = { 1, 0, 0 },
-                     .side = { 0, 1, 0 },
-                     .radius = 1,
-                     .half = 180 * degree,
-                     .closed = true };
-    const saga_volume v = { .distance_min = 2 << 22,
-                            .distance_max = 5 << 21,
-                            .up = { 0, 0, 16384 },
-                            .front = { 0, 16384, 0 },
-                            .azimuth = (uint16_t)(32768 * 20 / 180),
-                            .elevation_min = 32768 * 10 / 180,
-                            .elevation_max = 32768 * 15 / 180 };
-    double elevation[2], distance[2];
+    static const saga_metric metric = { 1.0 / (1 << 22), { 0, 0, 0 } };
+    static const struct {
+        double pivot[3];
+        int up, front, side; /* side = up x front */
+        int lowest, highest; /* degrees */
+        double elevation;    /* that of the path */
+    } rows[] = {
+        { { 0, 0, 0 }, Z, Y, MINUS_X, 10, 15, 10 },
+        { { 0.5, -0.25, 1 }, Z, Y, MINUS_X, 10, 15, 10 },
+        { { 0, 0, -1 }, Y, Z, X, -60, -30, -30 },
+        { { 0, 0, 0 }, Z, Y, MINUS_X, 90, 90, 0.499 * 180 },
+    };
     FREED_BY(close_vector) opened o;
 
     open_vector(&o, 1);
-    p.lens = rig_lens(&o);
-    saga_orbit_keep_inside(&p, &v, &metric);
-    assert_false(p.closed);
-    /* About the front, which is 90 degrees from ahead. */
-    assert_true(fabs(widest(elevation, distance, &p, &metric) - 110 * degree) <
-                0.001);
-    assert_true(fabs(elevation[0] - 10 * degree) < 0.001 &&
-                fabs(elevation[1] - 10 * degree) < 0.001);
-    assert_true(fabs(distance[0] - 2) < 0.001 && fabs(distance[1] - 2) < 0.001);
+    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+        saga_orbit p = { .up = { 0, 0, 1 },
+                         .ahead = { 1, 0, 0 },
+                         .side = { 0, 1, 0 },
+                         .lens = rig_lens(&o),
+                         .radius = 1,
+                         .half = 180 * degree,
+                         .closed = true };
+        saga_volume v = {
+            .distance_min = 2 << 22,
+            .distance_max = 5 << 21,
+            .azimuth = (uint16_t)(32768 * 20 / 180),
+            .elevation_min = (int16_t)(32768 * rows[r].lowest / 180),
+            .elevation_max = (int16_t)(32768 * rows[r].highest / 180)
+        };
+        double most = 0;
+
+        set_axis(v.up, rows[r].up);
+        set_axis(v.front, rows[r].front);
+        for (int i = 0; i < 3; i++)
+            v.pivot[i] = (int32_t)(rows[r].pivot[i] * (1 << 22));
+        saga_orbit_keep_inside(&p, &v, &metric);
+        for (int k = 0; k < 16; k++) {
+            saga_source_view s = { .name = "" };
+            saga_error error = { "" };
+            double to[3], d;
+            saga_camera c;
+
+            assert_true(saga_orbit_camera(&c, &p, &metric, k / 16.0, &error));
+            saga_source_view_of_camera(&s, &metric, &c);
+            saga_source_view_centre(to, &s);
+            for (int i = 0; i < 3; i++)
+                to[i] -= rows[r].pivot[i];
+            d = sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2]);
+            assert_true(fabs(d - 2) < 0.001);
+            assert_true(fabs(asin(along(to, rows[r].up) / d) -
+                             rows[r].elevation * degree) < 0.001);
+            most = fmax(most, fabs(atan2(along(to, rows[r].side),
+                                         along(to, rows[r].front))));
+            /* It looks at the pivot. */
+            for (int i = 0; i < 3; i++)
+                assert_true(fabs(s.rotation[6 + i] + to[i] / d) < 0.001);
+        }
+        assert_true(fabs(most - 20 * degree) < 0.001);
+    }
 }
 
 /* --- Evaluation ---------------------------------------------------------- */

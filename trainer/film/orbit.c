@@ -116,20 +116,26 @@ static void find_up(double up[3], const saga_source_view *views, int n)
     }
 }
 
+/* Splits a vector into its height along up, which is returned, and the rest,
+ * which stays in it. */
+static double level_off(double a[3], const double up[3])
+{
+    const double height = dot3(a, up);
+
+    for (int i = 0; i < 3; i++)
+        a[i] -= height * up[i];
+    return height;
+}
+
 /* Splits a camera's position relative to the focus: returns the height along
  * up, and sets `level` to the rest. */
 static double split(double level[3], const saga_orbit *o,
                     const saga_source_view *view)
 {
-    double height;
-
     saga_source_view_centre(level, view);
     for (int i = 0; i < 3; i++)
         level[i] -= o->focus[i];
-    height = dot3(level, o->up);
-    for (int i = 0; i < 3; i++)
-        level[i] -= height * o->up[i];
-    return height;
+    return level_off(level, o->up);
 }
 
 /* Sets axes, radius and height of the orbit. */
@@ -223,30 +229,52 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error)
     return ok;
 }
 
-void saga_orbit_keep_inside(saga_orbit *orbit, const saga_volume *volume,
+void saga_orbit_keep_inside(saga_orbit *o, const saga_volume *volume,
                             const saga_metric *metric)
 {
     const double turn = pi / 32768;
-    const double half = volume->azimuth * turn;
-    const double front[3] = { volume->front[0], volume->front[1],
-                              volume->front[2] };
-    double elevation = atan2(orbit->height, orbit->radius);
-    double distance = hypot(orbit->height, orbit->radius);
+    const double azimuth = volume->azimuth * turn;
+    /* From straight above or below, no direction of the picture is up. */
+    const double steepest = 0.499 * pi;
+    double eye[3], elevation, distance;
 
-    /* A full circle becomes a swing about the front. */
-    if (orbit->closed && volume->azimuth < 32768) {
-        orbit->closed = false;
-        orbit->middle = atan2(dot3(front, orbit->side),
-                              dot3(front, orbit->ahead));
-        orbit->half = half;
+    /* Take the rig's middle as seen from the pivot, and axes of the volume. */
+    for (int i = 0; i < 3; i++) {
+        const double pivot = metric->centre[i] +
+                             metric->unit * volume->pivot[i];
+
+        eye[i] = o->focus[i] +
+                 o->radius * (cos(o->middle) * o->ahead[i] +
+                              sin(o->middle) * o->side[i]) +
+                 o->height * o->up[i] - pivot;
+        o->focus[i] = pivot;
+        o->up[i] = volume->up[i];
+        o->ahead[i] = volume->front[i];
     }
-    orbit->half = fmin(orbit->half, half);
-    elevation = fmin(fmax(elevation, volume->elevation_min * turn),
-                     volume->elevation_max * turn);
-    distance = fmin(fmax(distance, metric->unit * volume->distance_min),
-                    metric->unit * volume->distance_max);
-    orbit->radius = distance * cos(elevation);
-    orbit->height = distance * sin(elevation);
+    normalise(o->up);
+    level_off(o->ahead, o->up);
+    normalise(o->ahead);
+    cross3(o->side, o->up, o->ahead);
+    o->height = level_off(eye, o->up);
+    o->radius = sqrt(dot3(eye, eye));
+    o->middle = atan2(dot3(eye, o->side), dot3(eye, o->ahead));
+
+    /* Bring middle, sweep, elevation and distance into its ranges. A full
+     * circle becomes a swing about the front. */
+    if (volume->azimuth < 32768) {
+        o->half = o->closed ? azimuth : fmin(o->half, azimuth);
+        o->closed = false;
+        o->middle = fmin(fmax(o->middle, o->half - azimuth), azimuth - o->half);
+    }
+    elevation = fmin(
+        fmax(atan2(o->height, o->radius), volume->elevation_min * turn),
+        volume->elevation_max * turn);
+    elevation = fmin(fmax(elevation, -steepest), steepest);
+    distance = fmin(
+        fmax(hypot(o->height, o->radius), metric->unit * volume->distance_min),
+        metric->unit * volume->distance_max);
+    o->radius = distance * cos(elevation);
+    o->height = distance * sin(elevation);
 }
 
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,

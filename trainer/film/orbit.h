@@ -25,9 +25,10 @@ typedef struct saga_orbit {
 /* Fails if the file has no rig, or its cameras all stand at the focus. */
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error);
 
-/* Narrows the orbit to the directions and distances of a film's viewing
- * volume. */
-void saga_orbit_keep_inside(saga_orbit *orbit, const saga_volume *volume,
+/* Moves the orbit around the pivot of a film's viewing volume, into its
+ * directions and distances; at most 89.8 degrees up or down, where pictures
+ * have an upright. */
+void saga_orbit_keep_inside(saga_orbit *o, const saga_volume *volume,
                             const saga_metric *metric);
 
 /* Sets the camera at `turn` along the path, 0 to 1; 1 is the same place as
