@@ -16,8 +16,19 @@ export class Bounds {
     constructor(viewer) {
         this.viewer = viewer;
         this.isOn = true;
-        this.isHeld = false; // a finger or a button holds the camera
+        this.holders = new Set(); // fingers or a tilted device: what holds the
+                                  // camera, so that the spring waits
+        this.isLed = false;       // the user has moved the camera
         this.timer = 0;
+    }
+
+    hold(by) {
+        this.holders.add(by);
+    }
+
+    letGo(by) {
+        this.holders.delete(by);
+        this.release();
     }
 
     // How far outside a pose is, in radians; 0 is inside.
@@ -29,11 +40,12 @@ export class Bounds {
         return out > ROUNDING ? out : 0;
     }
 
-    // How far outside the user has moved the camera; a path may lead anywhere.
+    // How far outside the user has moved the camera; a path may lead anywhere,
+    // and a shared view be anywhere.
     get out() {
         const { viewer } = this;
 
-        return viewer.moved && !viewer.path ? this.outOf(viewer.pose) : 0;
+        return this.isLed && !viewer.path ? this.outOf(viewer.pose) : 0;
     }
 
     // The PSNR that may be expected from the camera's place in dB, or null.
@@ -49,6 +61,7 @@ export class Bounds {
     // Returns the pose after a step of the user. step: returns the pose after a
     // part of it.
     softened(step) {
+        this.isLed = true;
         this.release();
         return step(partOf(this.outOf(this.viewer.pose), this.outOf(step(1))));
     }
@@ -67,7 +80,7 @@ export class Bounds {
     pull(since) {
         const { viewer, timer } = this;
 
-        if (this.isHeld || viewer.path || !viewer.info || !this.out)
+        if (this.holders.size || viewer.path || !viewer.info || !this.out)
             return;
         viewer.nextFrame((now) => {
             const { out } = this;

@@ -63,7 +63,7 @@ export function addControls(viewer, element) {
         if (!viewer.info)
             return;
         element.setPointerCapture(event.pointerId);
-        viewer.bounds.isHeld = true;
+        viewer.bounds.hold(element);
         pointers.set(event.pointerId, { x: event.clientX, y: event.clientY,
             waits: event.pointerType === 'touch' });
         event.preventDefault();
@@ -95,8 +95,8 @@ export function addControls(viewer, element) {
     for (const end of ['pointerup', 'pointercancel'])
         element.addEventListener(end, (event) => {
             pointers.delete(event.pointerId);
-            viewer.bounds.isHeld = pointers.size > 0;
-            viewer.bounds.release();
+            if (!pointers.size)
+                viewer.bounds.letGo(element);
         });
 
     element.addEventListener('wheel', (event) => {

@@ -99,7 +99,7 @@ export class SagaPlayer extends Base {
         else if (name === 'bounds')
             viewer.bounds.isOn = now !== 'off';
         else if (name === 'camera')
-            viewer.selectCamera(Number(now));
+            viewer.selectCamera(Number(now ?? viewer.start));
         else if (name === 'controls')
             this.$('bar').hidden = now === null;
         else if (name === 'draw')

@@ -3,7 +3,10 @@
 // Lets a viewer's picture follow the turns of a telephone, as if the scene were
 // behind its glass: the camera goes to where the eye is as seen from the
 // telephone. It begins where the camera is, and goes at most about LIMIT from
-// there. Drags continue to work.
+// there. Drags continue to work. The bounds of a film do not resist: the camera
+// would no longer be where the device is held, and not return with it.
+
+import { orbited } from './camera.js';
 
 const LIMIT = 0.35;   // radians that the camera can turn, each way
 const STILL = 0.002;  // radians; smaller turns are the trembling of a hand
@@ -65,6 +68,7 @@ export class Tilt {
             throw new Error('the browser does not allow it');
         this.isOn = true;
         this.zero = null;
+        this.viewer.bounds.hold(this);
         addEventListener('deviceorientation', this.follow);
         await new Promise((resolve) => setTimeout(resolve, PATIENCE_MS));
         if (!this.isOn || this.zero)
@@ -80,6 +84,7 @@ export class Tilt {
         if (this.viewer.moved)
             this.turnTo({ yaw: 0, pitch: 0 });
         this.done = { yaw: 0, pitch: 0 };
+        this.viewer.bounds.letGo(this);
     }
 
     note(event) {
@@ -98,11 +103,14 @@ export class Tilt {
     }
 
     turnTo({ yaw, pitch }) {
+        const { viewer } = this;
         const by = { yaw: yaw - this.done.yaw, pitch: pitch - this.done.pitch };
 
         if (Math.hypot(by.yaw, by.pitch) < STILL)
             return;
         this.done = { yaw, pitch };
-        this.viewer.orbit(by.yaw, -by.pitch);
+        viewer.bounds.isLed = true;
+        viewer.setPose(orbited(viewer.pose, viewer.pivot, viewer.up, by.yaw,
+            -by.pitch));
     }
 }

@@ -72,6 +72,9 @@ function tellEnd() {
     tell('The training has ended; its terminal says what it wrote.');
 }
 
+// A server that is only busy gives another answer, and is asked again.
+const isGone = ({ status }) => status === 404;
+
 async function look() {
     const course = await fetch('course.csv');
     const rows = course.ok ? rowsOf(await course.text()) : [];
@@ -79,7 +82,7 @@ async function look() {
     if (rows.length)
         showCourse(rows);
     // The course goes with the checkpoint, and the request with its answer.
-    if (!course.ok || (isAsked && !(await fetch('finish')).ok))
+    if (isGone(course) || (isAsked && isGone(await fetch('finish'))))
         tellEnd();
 }
 

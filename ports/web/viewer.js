@@ -193,7 +193,7 @@ export class Viewer extends EventTarget {
         this.camera = Math.max(0, Math.min(index, this.rig.length - 1));
         this.lens = this.rig.length ? this.rig[this.camera].values : this.home;
         this.pose = cam.poseOf(this.lens);
-        this.moved = false;
+        this.moved = this.bounds.isLed = false;
         this.findPivot();
     }
 
@@ -355,6 +355,7 @@ export class Viewer extends EventTarget {
         const eye = this.toUnits(key.eye), target = this.toUnits(key.target);
 
         this.pivot = target;
+        this.bounds.isLed = false;
         this.frame = this.inFile(key.frame);
         this.setPose(cam.lookAt(eye, target, cam.unit(key.up)),
             cam.withFov(this.lens, key.fov));

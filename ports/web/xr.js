@@ -3,18 +3,24 @@
 // A viewer's film in a headset, by WebXR. The worker sorts and projects for one
 // camera between the eyes whose field covers those of both. Each eye draws
 // these splats in one call, reprojected by their depths (engine.js). A unit of
-// the capture is a metre. The user starts upright at the viewer's camera. The
-// picture fades to black as the head leaves the viewing volume.
+// the capture is a metre. The user starts upright at the viewer's camera, or at
+// the place of the viewing volume that is nearest to it.
+//
+// As the head leaves the viewing volume, the picture gets dim, and in the end
+// the film stands still until the head is back. The scene stays where it is in
+// the room: in the dark, or in a picture that goes with the head, a user would
+// lose balance and the way back. The brightness tells which way that is.
 
 import * as cam from './camera.js';
 import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, product, toClip,
     valuesFrom } from './engine.js';
 import { link } from './gpu.js';
 import { onPage } from './viewer.js';
-import { outside, shade } from './volume.js';
+import { nearer, outside, shade } from './volume.js';
 
 const MARGIN = 1.1; // widening of the field of view, since heads turn while
                     // splats are made
+const DIM = 0.25;   // brightness far outside the viewing volume
 
 const VERTEX = `#version 300 es
 precision highp float;
@@ -55,7 +61,7 @@ class EyeScreen {
         this.made = null;
         this.program = link(gl, VERTEX, FRAGMENT, ['saga_to_clip', 'saga_size',
             'saga_viewport', 'saga_tools', 'saga_shown']);
-        this.shown = 1; // 0 is black
+        this.shown = 1; // brightness
         this.array = gl.createVertexArray();
         this.buffer = gl.createBuffer();
         gl.bindVertexArray(this.array);
@@ -107,17 +113,32 @@ class EyeScreen {
     }
 }
 
-// Returns the matrix that maps the capture's units to the headset's space,
-// whose y is up.
-export function standing(viewer) {
-    const { pose, up } = viewer;
-    const ahead = cam.forwardOf(pose);
-    const level = cam.unit(cam.sub(ahead, cam.times(up, cam.dot(ahead, up))));
-    const eye = viewer.toMetres(pose.centre);
-    const rows = [cam.cross(level, up), up, cam.times(level, -1)];
+// Returns the pose at which a session begins.
+function startOf(viewer) {
+    const { pose, viewingVolume: volume, bounds } = viewer;
+    const centre = viewer.toMetres(pose.centre);
 
-    return [0, 1, 2].flatMap((k) => [...rows.map((row) => row[k]), 0]).concat(
-        rows.map((row) => -cam.dot(row, eye)), 1);
+    return volume && bounds.isOn
+        ? nearer(volume, { rotation: pose.rotation, centre }, 1)
+        : { rotation: pose.rotation, centre };
+}
+
+// Returns the matrix that maps the capture's units to the headset's space,
+// whose y is up, for a user who starts with the head at `head`, a matrix. The
+// space's own origin may be anywhere in the room.
+export function standing(viewer, head) {
+    const { rotation, centre } = startOf(viewer), { up } = viewer;
+    const level = (ahead, top) => cam.unit(
+        cam.sub(ahead, cam.times(top, cam.dot(ahead, top))));
+    const ahead = level(cam.forwardOf({ rotation }), up);
+    const rows = [cam.cross(ahead, up), up, cam.times(ahead, -1)];
+    const back = level(Array.from(head.slice(8, 11)), [0, 1, 0]);
+    const place = [...cam.cross([0, 1, 0], back), 0, 0, 1, 0, 0, ...back, 0,
+        ...head.slice(12)];
+
+    return product(place, [0, 1, 2].flatMap((k) =>
+        [...rows.map((row) => row[k]), 0]).concat(
+        rows.map((row) => -cam.dot(row, centre)), 1));
 }
 
 // Returns the field of view, from the point between the eyes, that covers the
@@ -172,7 +193,8 @@ function outsideOf(viewer, values) {
 export async function enterHeadset(viewer) {
     const session = await navigator.xr.requestSession('immersive-vr');
     const { screen: page, exact } = viewer, { gl } = page;
-    const screen = new EyeScreen(gl), model = standing(viewer);
+    const screen = new EyeScreen(gl);
+    let model = null, isHeld = false; // isHeld: the film waits for the head
 
     await gl.makeXRCompatible();
     const layer = new XRWebGLLayer(session, gl,
@@ -186,11 +208,21 @@ export async function enterHeadset(viewer) {
         session.requestAnimationFrame(draw);
         if (!pose || !viewer.info)
             return;
+        model ??= standing(viewer, pose.transform.matrix);
         const values = valuesBetween(viewer, model, pose,
             layer.getViewport(pose.views[0]));
 
         viewer.want(values);
-        screen.shown = 1 - shade(outsideOf(viewer, values));
+        const out = shade(outsideOf(viewer, values));
+
+        screen.shown = 1 - (1 - DIM) * out;
+        if (out === 1 && viewer.playing) {
+            viewer.pause();
+            isHeld = true;
+        } else if (out < 0.5 && isHeld) {
+            viewer.play();
+            isHeld = false;
+        }
         if (!screen.made)
             return;
         screen.begin(layer.framebuffer);
@@ -201,7 +233,12 @@ export async function enterHeadset(viewer) {
             layer.getViewport(view));
     };
 
+    // The user has chosen a new middle of the room.
+    space.addEventListener('reset', () => {
+        model = null;
+    });
     session.addEventListener('select', () => {
+        isHeld = false;
         if (viewer.playing)
             viewer.pause();
         else
@@ -212,6 +249,8 @@ export async function enterHeadset(viewer) {
         viewer.setExact(exact);
         viewer.setClock(onPage);
         viewer.want(null);
+        if (isHeld)
+            viewer.play();
     });
     viewer.screen = screen;
     viewer.setExact(false);

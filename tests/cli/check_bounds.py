@@ -8,7 +8,9 @@ ports/web in headless Chromium,
               darken the edge of the picture; when they end, the camera comes
               back to the limit. Inside nothing pulls
   free        with bounds=off nothing holds the camera; cameras of the rig and
-              shared views stay where they are
+              shared views stay where they are, also after a click
+  tilt        a device that is turned leads outside and back to where the camera
+              was; while it does so nothing pulls
   numbers     they have the PSNR that the film promises at a camera
 Without Chromium or the decoder in WebAssembly, the check prints that it was
 skipped.
@@ -127,11 +129,48 @@ def check_free(tab, url):
     show(tab, url, "#" + line)
     tab.run("new Promise((resolve) => setTimeout(resolve, 400))")
     near("a shared view", tab.run(PLACE)["azimuth"], place["azimuth"])
+    mouse(tab, "mousePressed", 320, 200)
+    mouse(tab, "mouseReleased", 320, 200)
+    tab.run("new Promise((resolve) => setTimeout(resolve, 400))")
+    near("a shared view after a click", tab.run(PLACE)["azimuth"],
+         place["azimuth"])
     tab.run("viewer.selectCamera(0)")
     tab.run("new Promise((resolve) => setTimeout(resolve, 400))")
     if tab.run("viewer.moved"):
         complain("a camera of the rig is moved")
     verdict("free")
+
+
+def check_tilt(tab, url):
+    show(tab, url)
+    # The limit of the volume is 20 degrees from the front; the device is turned
+    # by more, in steps that the bounds would shorten.
+    tab.run("""(() => {
+        player.tilt.toggle();
+        window.turn = (alpha) => dispatchEvent(new DeviceOrientationEvent(
+            'deviceorientation', { alpha, beta: 90, gamma: 0 }));
+        window.was = viewer.pose.centre;
+    })()""")
+    tab.wait("player.tilt.isOn")
+    outs = []
+    for side in (1, -1):
+        for alpha in (0, 5, 10, 15, 20, 40):
+            tab.run("turn(%d)" % (side * alpha))
+        out = tab.run("viewer.bounds.out")
+        tab.run("new Promise((resolve) => setTimeout(resolve, 400))")
+        if tab.run("viewer.bounds.out") != out:
+            complain("a turned device is pulled from", out)
+        for alpha in (20, 10, 5, 0):
+            tab.run("turn(%d)" % (side * alpha))
+        off = tab.run("Math.hypot(...viewer.pose.centre.map((x, i) => "
+                      "x - was[i])) / Math.hypot(...was)")
+        near("the turned device's way back", off, 0, 1e-9)
+        outs.append(out)
+    if max(outs) < 0.05:
+        complain("turned to both sides it leads", outs)
+    tab.run("turn(20); player.tilt.toggle()")
+    at_rest(tab)
+    verdict("tilt")
 
 
 def check_numbers(tab, url):
@@ -161,6 +200,7 @@ def main():
         check_begin(tab, server.url)
         check_spring(tab, server.url)
         check_free(tab, server.url)
+        check_tilt(tab, server.url)
         check_numbers(tab, server.url)
         checks.complaints.extend(tab.log)
         verdict("console")

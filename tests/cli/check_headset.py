@@ -3,10 +3,14 @@
 """check_headset.py: guarantees, for the page of ports/web in headless Chromium
 with a headset that iwer emulates,
   offer       there is a button for the headset only if there is a headset
+  start       wherever in the room the head is when a session begins, it is at
+              the viewer's camera, which looks level; if that is outside the
+              viewing volume, it is at the volume's surface
   eyes        each eye's picture has a PSNR of at least 40 dB against what the
               decoder draws for this eye's camera, and differs from that of the
               other eye, also after the head has turned and moved
-  fade        the picture fades to black as the head leaves the viewing volume
+  fade        the picture gets dim as the head leaves the viewing volume; far
+              outside the film stands still until the head is back
   clock       the film plays by the headset's clock; its button pauses
   leave       after the session the page shows its own picture and plays on
 iwer is fetched by npm once for a build folder. Without npm, the registry,
@@ -26,15 +30,21 @@ LEAST_DB = 40
 checks = Verdicts("headset")
 complain, verdict = checks.complain, checks.verdict
 
-# Script that runs before the page: it installs the emulated headset and keeps
-# the page's session.
+# Script that runs before the page: it installs the emulated headset, keeps the
+# page's session, and puts the origin of its spaces away from the head.
 INSTALL = """;
 window.device = new IWER.XRDevice(IWER.metaQuest3, { stereoEnabled: true });
 device.installRuntime({ forceInstall: true });
 {
     const real = navigator.xr.requestSession.bind(navigator.xr);
-    navigator.xr.requestSession = async (mode) =>
-        window.session = await real(mode);
+    navigator.xr.requestSession = async (mode) => {
+        const session = await real(mode);
+        const ask = session.requestReferenceSpace.bind(session);
+        session.requestReferenceSpace = async (type) =>
+            (await ask(type)).getOffsetReferenceSpace(new XRRigidTransform(
+                { x: 0.4, y: -0.3, z: 1 }, { y: 0.6, w: 0.8 }));
+        return window.session = session;
+    };
 }
 """
 
@@ -61,6 +71,10 @@ const beside = (want, got) => {
 const inFrame = (call) => new Promise((resolve) =>
     session.requestAnimationFrame((now, frame) => resolve(call(frame))));
 
+const { standing } = await import('/xr.js');
+window.model = standing(viewer, await inFrame((frame) =>
+    frame.getViewerPose(space).transform.matrix));
+
 // What an eye's part of the canvas shows, rows from the top.
 function readEye(gl, { x, y, width, height }) {
     const rows = new Uint8Array(4 * width * height), got = rows.slice();
@@ -83,7 +97,7 @@ window.brightest = async () => {
     });
 };
 
-window.eyes = async (model) => {
+window.eyes = async () => {
     const settled = () => !viewer.busy && !viewer.stale &&
         viewer.screen.made?.values.every((v, i) => v === viewer.wanted[i]);
     let seen = null;
@@ -118,21 +132,62 @@ def check_offer(tab, url):
     tab.go(url + "index.html?src=demo.saga&camera=4")
     tab.wait("document.getElementById('player').viewer.drawn")
     tab.wait("!document.getElementById('player').$('headset').hidden")
+    tab.run("void (window.viewer = "
+            "document.getElementById('player').viewer)")
     verdict("offer")
 
 
+def enter(tab):
+    tab.run("window.session = null; "
+            "document.getElementById('player').$('headset').click()")
+    tab.wait("Boolean(window.session && viewer.wanted)")
+
+
+# Returns how far the camera between the eyes is from `place`, in the capture's
+# unit, and how much it looks up or down or aside of the viewer's camera.
+START = """(async (place) => {
+    const { dot, forwardOf, poseOf } = await import('/camera.js');
+    const { rotation, centre } = poseOf(viewer.wanted);
+    const ahead = forwardOf({ rotation }), was = forwardOf(viewer.pose);
+    const off = viewer.toMetres(centre).map((x, i) => x - place[i]);
+
+    return [Math.hypot(...off), dot(ahead, viewer.up), dot(was, viewer.up) ** 2 +
+        dot(ahead, was) ** 2 - 1];
+})"""
+
+
+def check_start(tab):
+    # A ball around the pivot, which ends at three quarters of the way to the
+    # camera.
+    for part, script in ((1, "null"), (0.75, """{
+            pivot: focus, up: viewer.up, front: forwardOf(viewer.pose),
+            azimuth: Math.PI, elevation: [-Math.PI / 2, Math.PI / 2],
+            turn: Math.PI, quality: [0, 0],
+            distance: [0, 0.75 * Math.hypot(...eye.map(
+                (x, i) => x - focus[i]))] }""")):
+        tab.run("""import('/camera.js').then(({ forwardOf }) => {
+            const focus = viewer.toMetres(viewer.focus);
+            const eye = viewer.toMetres(viewer.pose.centre);
+            viewer.viewingVolume = %s;
+            window.begins = focus.map((x, i) => x + %g * (eye[i] - x));
+        })""" % (script, part))
+        enter(tab)
+        off = tab.run(START + "(begins)")
+        # A ten-thousandth is the rounding of the camera's integers.
+        if max(map(abs, off)) > 1e-4:
+            complain("a session begins off by", off)
+        tab.run("viewer.viewingVolume = null; session.end()")
+        tab.wait("viewer.wanted === null")
+    verdict("start")
+
+
 def check_eyes(tab):
-    tab.run("document.getElementById('player').$('headset').click()")
-    tab.wait("Boolean(window.session)")
+    enter(tab)
     tab.run(SHARED)
     told = []
     for head in ("", "device.position.x += 0.1; device.quaternion.set("
                  "0.05, 0.1, 0, Math.sqrt(1 - 0.0125));"):
-        told.append(tab.run("""(async () => {
-            const { standing } = await import('/xr.js');
-            %s
-            return eyes(standing(viewer));
-        })()""" % head))
+        told.append(tab.run("(() => { %s return eyes(); })()" % head))
     for left, right, other in told:
         if min(left, right) < LEAST_DB or other > min(left, right) - 6:
             complain("left, right, left's picture in the right eye: dB",
@@ -142,8 +197,10 @@ def check_eyes(tab):
 
 
 # A volume around the head, then one from whose end it is away by a factor of
-# e^0.175, which is half of what makes the picture black, then by e^1.
+# e^0.175, which is half of what makes the picture as dim as it gets, a quarter;
+# then by e^1.
 def check_fade(tab):
+    tab.run("viewer.play()")
     got = tab.run("""(async () => {
         const { poseOf } = await import('/camera.js');
         const [x, y, z] = viewer.toMetres(poseOf(viewer.wanted).centre);
@@ -153,15 +210,20 @@ def check_fade(tab):
             viewer.viewingVolume = { pivot: [x, y, z + 1], up: [0, -1, 0],
                 front: [0, 0, -1], azimuth: Math.PI,
                 elevation: [-Math.PI / 2, Math.PI / 2], turn: Math.PI,
+                quality: [0, 0],
                 distance: [0, distance * (1 + 1e-6)] };
-            told.push(await brightest());
+            told.push(await brightest(), viewer.playing);
         }
         viewer.viewingVolume = null;
-        return [await brightest(), ...told];
+        return [await brightest(), viewer.playing, ...told];
     })()""")
-    if got[1] != got[0] or abs(got[2] - got[0] / 2) > 2 or got[3] != 0:
-        complain("without a volume, inside, outside, far outside the eye's "
-                 "brightest sample is", got)
+    tab.run("viewer.pause()")
+    if got[1::2] != [True, True, True, False]:
+        complain("without a volume, inside, outside, far outside the film "
+                 "plays:", got[1::2])
+    if any(abs(got[2 * i] - part * got[0]) > 2
+           for i, part in enumerate((1, 1, 0.625, 0.25))):
+        complain("there the eye's brightest sample is", got[::2])
     verdict("fade")
 
 
@@ -202,6 +264,7 @@ def main():
     server, tab = browser.FileServer(files), browser.Browser()
     try:
         check_offer(tab, server.url)
+        check_start(tab)
         check_eyes(tab)
         check_fade(tab)
         check_clock(tab)

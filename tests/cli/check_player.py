@@ -367,6 +367,12 @@ def check_pace(tab):
 def check_element(tab):
     put(tab, camera="2", loop="")
     expect(tab, "camera=2 is not obeyed:", "player.camera === 2")
+    expect(tab, "without the attribute camera it goes to", """(() => {
+        viewer.viewingVolume = { start: 3 };
+        player.removeAttribute('camera');
+        viewer.viewingVolume = null;
+        return player.camera === 3 || player.camera;
+    })()""")
     expect(tab, "without autoplay it plays:", "player.paused")
     expect(tab, "duration is", "player.duration === 1 || player.duration")
     tab.run("player.currentTime = 0.5")

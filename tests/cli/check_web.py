@@ -608,13 +608,15 @@ def check_training(page, files):
     """The panel of a training, for a course that ends in half a line."""
     files["training.html"] = files["index.html"].replace(
         b'{ "src": null,', b'{ "src": "still.saga", "training": true,')
+    # A server that has no time has not ended.
+    files["course.csv"] = 503
+    page.tab.go(page.server.url + "training.html?draw=exact")
+    page.settle()
     files["course.csv"] = b"""iteration,stage,psnr,bits,seconds
 10,warm-up,20.0000,0,1.00
 20,rendering,30.0000,16000,2.00
 30,rendering,25.0000,8000,4.00
 40,rend"""
-    page.tab.go(page.server.url + "training.html?draw=exact")
-    page.settle()
     page.tab.wait("document.getElementById('course-psnr').points.length")
     told = page.tab.run("document.getElementById('training').innerText")
     for text in "rendering, iteration 30, 4 s", "25.00 dB", "1.0 kB", "Finish":
@@ -627,6 +629,9 @@ def check_training(page, files):
                            ".getAttribute('points')" % name)
         if got != want:
             complain("the curve of", name, "is", got)
+    del files["course.csv"]
+    page.tab.wait("document.getElementById('course-told').textContent"
+                  ".includes('has ended')")
     page.show("src=still.saga")
     if page.tab.run("document.getElementById('training').checkVisibility()"):
         complain("a finished film has the panel of a training")

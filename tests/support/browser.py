@@ -208,8 +208,9 @@ class Valve:
 
 
 class FileServer(http.server.ThreadingHTTPServer):
-    """Serves {path: bytes} on a port of its own. `served` lists (path, first
-    byte, number of bytes) of each request, `sent` what was sent. With
+    """Serves {path: bytes} on a port of its own; a number instead of bytes is the
+    status of an error. `served` lists (path, first byte, number of bytes) of
+    each request, `sent` what was sent. With
     ranges=False, only whole files are served; with share=True, pages of
     other servers may read them; headers are added to each answer. Files
     *.saga pass through `valve`, if there
@@ -244,8 +245,8 @@ class FileHandler(http.server.BaseHTTPRequestHandler):
         path = self.path.split("?")[0].lstrip("/")
         data = self.server.files.get(path)
         first = 0
-        if data is None:
-            self.send_error(404)
+        if data is None or isinstance(data, int):
+            self.send_error(data or 404)
             return
         n = len(data)
         asked = re.fullmatch(r"bytes=(\d+)-(\d+)",
