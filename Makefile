@@ -10,7 +10,7 @@
 #   trainer  common, saga.h (copied to build/include), and for each room, that
 #            is, folder of the trainer, the rooms in its SEE_room below; cli
 #            also verify.h of reference
-#   tools, ports  saga.h
+#   tools, ports  saga.h; ports/windows also dec_output.h of tools
 #   reference  common, decoder, and basics and code of the trainer
 #   tests, lab, bench  all folders
 #
@@ -131,7 +131,8 @@ F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 # which the program chooses one when it starts (trainer/basics/isa.h).
 ISA_SRC := $(shell grep -lE '"(vec|wide|raster_tile).h"' $(TRAINER_SRC)) \
            trainer/capture/views/filmed.c
-ISA_LEVELS := $(if $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),3 4)
+MACHINE := $(shell $(CC) $(CFLAGS) -dumpmachine)
+ISA_LEVELS := $(if $(filter x86_64%,$(MACHINE)),3 4)
 ISA_OBJ := $(foreach n,$(ISA_LEVELS),$(patsubst %.c,$(OBJ)/v$(n)/%.o,\
              $(if $(filter double,$(REAL)),\
                $(filter-out $(TWICE_SRC),$(ISA_SRC)),$(ISA_SRC))))
@@ -139,6 +140,14 @@ HELPER_OBJ := $(call obj,$(HELPER_SRC))
 REFERENCE_OBJ := $(call obj,$(REFERENCE_SRC))
 EVERY_OBJ := $(F64_OBJ) $(ISA_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
                $(REFERENCE_SRC) $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
+
+# The programs that do without other libraries are also built for Windows: one
+# file of tools/ is replaced, and others are added, by those of ports/windows.
+EXE := $(if $(findstring mingw,$(MACHINE)),.exe)
+WINDOWS_OBJ := $(if $(EXE),$(addprefix $(OBJ)/ports/windows/,windows_start.o windows.o))
+DEC_OBJ := $(OBJ)/tools/dec_options.o $(WINDOWS_OBJ) \
+           $(OBJ)/$(if $(EXE),ports/windows/output_windows,tools/dec_output).o
+CLOCK := $(if $(EXE),-pthread)# where MinGW-w64 has clock_gettime
 
 LIB     = $(BUILD)/libsaga.a
 SHARED  = $(BUILD)/libsaga.so.0
@@ -150,7 +159,7 @@ HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
 REFERENCE_H = $(BUILD)/include/verify.h
 
-TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
+TOOLS = $(addprefix $(BUILD)/,saga-dec$(EXE) saga-play$(EXE) saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Programs for the scripts of lab/. Those for files set coarse features to zero,
 # fit the entropy networks again, count the bytes of an order-0 coder, measure
@@ -175,9 +184,12 @@ BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 
 # common/ and decoder/ are freestanding and use only integers.
 CORE = $(BASE) -ffreestanding $(CORE_CFLAGS)
-# Other code uses POSIX. The compiler must not contract or reassociate its
+# Other code uses POSIX and, for locks, flock, which macOS declares only with
+# _DARWIN_C_SOURCE. The compiler must not contract or reassociate its
 # floating-point operations.
-HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off $(QR_FLAG)
+HOST = $(BASE) -D_XOPEN_SOURCE=700 -D_DARWIN_C_SOURCE -ffp-contract=off \
+       $(QR_FLAG) \
+       $(if $(EXE),-D_FILE_OFFSET_BITS=64 -include ports/windows/posix.h)
 
 # Without libqrencode `saga view --host` prints an address without a code.
 QR := $(shell pkg-config --libs libqrencode 2>/dev/null)
@@ -235,13 +247,18 @@ I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Ireference \
 
 # ---------------------------------------------------------------- build
 
-.PHONY: all lib shared tests lab-programs bench-programs objects web help
+.PHONY: all lib shared windows tests lab-programs bench-programs objects web help
 all: lib $(TOOLS) web
 lib: $(LIB)
 shared: $(SHARED)
 tests: $(TESTS)
 lab-programs: $(LAB)
 bench-programs: $(BENCH)
+# These programs contain all that they need but Windows' own libraries.
+windows:
+	@$(MAKE) --no-print-directory BUILD=$(BUILD)/windows OPENMP= \
+	    CC=x86_64-w64-mingw32-gcc LDFLAGS='-static -s' \
+	    $(addprefix $(BUILD)/windows/,libsaga.a saga-dec.exe saga-play.exe)
 # Compiles every file of the tree without linking, but for those that have an
 # object in the build folder COMPILED.
 COMPILED =
@@ -310,6 +327,16 @@ $(OBJ)/tools/%.o: tools/%.c $(BUILD)/flags $(SAGA_H)
 	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(I_SAGA) -DSAGA_LEVEL=$(LEVEL)) -c $< -o $@
+
+$(OBJ)/ports/windows/%.o: ports/windows/%.c $(BUILD)/flags
+	$(call say,CC)
+	@mkdir -p $(@D)
+	$(call COMPILE,$(HOST) -Itools) -c $< -o $@
+
+$(OBJ)/ports/windows/%.o: ports/windows/%.rc ports/windows/%.manifest
+	$(call say,RC)
+	@mkdir -p $(@D)
+	$(MACHINE)-windres $< $@
 
 $(OBJ)/reference/%.o: reference/%.c $(BUILD)/flags
 	$(call say,CC)
@@ -429,14 +456,12 @@ FORCE:
 # ---------------------------------------------------------------- programs
 
 # The reference decoder consists of common/, decoder/ and code for files.
-$(BUILD)/saga-dec: $(addprefix $(OBJ)/tools/,saga_dec.o dec_options.o \
-    dec_output.o) $(LIB)
+$(BUILD)/saga-dec$(EXE): $(OBJ)/tools/saga_dec.o $(DEC_OBJ) $(LIB)
 	$(call say,LINK)
-	$(LINK) $^ -o $@
+	$(LINK) $^ $(CLOCK) -o $@
 
 # The example program of docs/threads.md.
-$(BUILD)/saga-play: $(addprefix $(OBJ)/tools/,saga_play.o dec_options.o \
-    dec_output.o) $(LIB)
+$(BUILD)/saga-play$(EXE): $(OBJ)/tools/saga_play.o $(DEC_OBJ) $(LIB)
 	$(call say,LINK)
 	$(LINK) $^ -pthread -o $@
 
@@ -471,9 +496,9 @@ $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 
 # check_vectors is built for every target of tests/run_matrix.sh, so that it
 # links no libraries except libc and libm.
-$(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
+$(BUILD)/check_vectors$(EXE): $(OBJ)/tests/stream/check_vectors.o \
     $(OBJ)/tests/stream/check_init.o $(OBJ)/reference/ref_recorder.o \
-    $(PLAIN) $(LIB)
+    $(WINDOWS_OBJ) $(PLAIN) $(LIB)
 	$(call say,LINK)
 	$(LINK) $^ -lm -o $@
 
@@ -763,6 +788,8 @@ define HELP
 Build
 make [all]       $(BUILD)/libsaga.a, saga-dec (the decoder), saga (the encoder)
 make shared      $(SHARED), the decoder for programs and for Python
+make windows     libsaga.a, saga-dec.exe and saga-play.exe, cross-compiled by
+                 MinGW-w64, in $(BUILD)/windows
 make web         the page and the decoder for browsers, in $(BUILD)/web
 make wheel       the Python module with its library, in $(BUILD)/dist
 make npm         the packages for browsers and engines, in $(BUILD)/dist

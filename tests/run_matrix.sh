@@ -4,8 +4,8 @@
 # run_matrix.sh [small|all] [NAME...]: guarantees that every machine and
 # compiler decodes to the same bits.
 # Builds tests/stream/check_vectors.c with each compiler, optimisation and
-# machine of the table and runs it, under qemu if needed: it must find no
-# mismatch with vectors/MANIFEST, and make as many comparisons as the tests'
+# machine of the table and runs it, under qemu or Wine if needed: it must find
+# no mismatch with vectors/MANIFEST, and make as many comparisons as the tests'
 # build with gcc or the first row. It prints one line "ok" or "FAIL" for each
 # row. NAME: only the rows with these names.
 set -u
@@ -73,6 +73,8 @@ all i686-gcc-O3-x87        | i686-linux-gnu-gcc | i386 | -O3 | STATIC CFLAGS=-mn
 all powerpc-gcc-O2         | powerpc-linux-gnu-gcc | ppc | -O2 | STATIC
 all powerpc-gcc-O3         | powerpc-linux-gnu-gcc | ppc | -O3 | STATIC
 all mips-gcc-O2            | mips-linux-gnu-gcc | mips | -O2 | STATIC
+all windows-gcc-O2         | x86_64-w64-mingw32-gcc | wine | -O2 | STATIC
+all windows-gcc-O3-x4      | x86_64-w64-mingw32-gcc | wine | -O3 | STATIC x4
 '
 
 # begins COMPILER INIT: prints the flag that sets the initial value of
@@ -96,7 +98,7 @@ fail() {
 
 # row NAME COMPILER EMULATOR OPT VARIABLES: builds and runs a row of the table.
 row() {
-    local name=$1 cc=$2 qemu=$3 opt=$4 v args=() run=() path=() out
+    local name=$1 cc=$2 qemu=$3 opt=$4 v args=() run=() path=() out exe=
     local start=$SECONDS
     local dir=$build/$name
     args=(BUILD="$dir" CC="$cc" OPT="$opt" OPENMP=)
@@ -117,19 +119,23 @@ row() {
         esac
     done
     command -v "$cc" >/dev/null || { fail "$name" "no $cc"; return; }
-    if [ -n "$qemu" ]; then
+    if [ "$qemu" = wine ]; then
+        exe=.exe
+        run=(env WINEPREFIX="$(realpath -m "$build/wine")" WINEDEBUG=-all wine)
+        command -v wine >/dev/null || { fail "$name" "no wine"; return; }
+    elif [ -n "$qemu" ]; then
         run=("qemu-$qemu-static" "${run[@]}")
         command -v "${run[0]}" >/dev/null ||
             { fail "$name" "no ${run[0]}"; return; }
     fi
     mkdir -p "$dir"
-    if ! "$make" -s -j"$jobs" "${args[@]}" "$dir/check_vectors" \
+    if ! "$make" -s -j"$jobs" "${args[@]}" "$dir/check_vectors$exe" \
         >"$dir/build.txt" 2>&1; then
         cat "$dir/build.txt"
         fail "$name" "does not build"
         return
     fi
-    timeout "$timeout" "${run[@]}" "$dir/check_vectors" "$vectors" \
+    timeout "$timeout" "${run[@]}" "$dir/check_vectors$exe" "$vectors" \
         "${path[@]}" >"$dir/out.txt" 2>&1 </dev/null
     local rc=$?
     out=$(grep -E '^[0-9]+ passed, [0-9]+ failed$' "$dir/out.txt" | tail -n 1)

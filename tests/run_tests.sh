@@ -328,6 +328,7 @@ many() {
     [ "$what" != all ] || check lint tests/check_lint.sh
     [ "$what" != all ] || check cmake tests/check_cmake.sh
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
+    [ "$what" != all ] || check windows tests/cli/check_windows.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     [ "$what" != all ] || check schedulers tests/cli/check_schedulers.sh
     [ "$what" != all ] || check charuco python3 tests/cli/check_charuco.py

@@ -40,7 +40,7 @@ all)
     gcc-powerpc-linux-gnu libc6-dev-powerpc-cross
     gcc-mips-linux-gnu libc6-dev-mips-cross
     gcc-i686-linux-gnu libc6-dev-i386-cross
-    gcc-riscv64-unknown-elf"
+    gcc-riscv64-unknown-elf gcc-mingw-w64-x86-64-win32 wine wine64"
     ;;
 lint) packages="$build clang-tidy" ;;
 prove) packages="$build frama-c-base" ;;

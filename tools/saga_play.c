@@ -95,9 +95,9 @@ static void read_file(player *p, const char *path)
 {
     FILE *const f = fopen(path, "rb");
 
-    if (!f || fseek(f, 0, SEEK_END))
+    if (!f || fseeko(f, 0, SEEK_END))
         stop("cannot read the file");
-    p->n = (size_t)ftell(f);
+    p->n = (size_t)ftello(f);
     p->bytes = need(p->n + 1);
     rewind(f);
     if (fread(p->bytes, 1, p->n, f) != p->n)
