@@ -75,10 +75,10 @@ static void write_calibration(folder *f, const char *name, const form *o)
 
 /* Loads the capture and compares it with the scene, except names and the unit.
  * Returns the metres in its unit of length; 0: unknown. */
-static double check_form(folder *f, const char *layout, const form *o,
+static double check_form(const char *path, const char *layout, const form *o,
                          const char *names)
 {
-    saga_capture c = load(f->path);
+    saga_capture c = load(path);
     double most = 0;
 
     assert_int_equal(c.n_views, N_VIEWS);
@@ -114,24 +114,55 @@ TEST_IN_FOLDER(layouts_should_be_the_scene)
     write_videos(f, in_rgb);
     write_calibration(f, "camera_array.toml", &o);
     write_calibration(f, "camera_array_aniposelib.toml", &o);
-    check_form(f, "caliscope", &o, "cam_%d");
+    check_form(f->path, "caliscope", &o, "cam_%d");
     o.matrix = 1;
     write_calibration(f, "camera_array.toml", &o);
-    assert_true(
-        check_form(f, "caliscope, rotations as matrices", &o, "cam_%d") == 1);
+    assert_true(check_form(f->path, "caliscope, rotations as matrices", &o,
+                           "cam_%d") == 1);
     folder_run(f, "rm *.toml");
     write_calibration(f, "calibration.toml", &anipose);
-    check_form(f, "Anipose, in millimetres", &anipose, "cam%02d");
+    check_form(f->path, "Anipose, in millimetres", &anipose, "cam%02d");
     /* FreeMoCap has the videos one folder down. */
     folder_run(f, "mkdir synchronized_videos && mv *.mp4 synchronized_videos &&"
                   " mv calibration.toml take_camera_calibration.toml");
-    check_form(f, "FreeMoCap", &anipose, "cam%02d");
+    check_form(f->path, "FreeMoCap", &anipose, "cam%02d");
     /* Pose2Sim counts from 1, and its videos only have the same numbers. */
     folder_run(f, "rm *.toml; mkdir videos && for i in 0 1 2 3; do "
                   "mv synchronized_videos/cam0$i.mp4 videos/c$((i + 1)).MP4 || "
                   "exit; done; touch videos/._c1.MP4");
     write_calibration(f, "Calib_scene.toml", &pose2sim);
-    check_form(f, "Pose2Sim", &pose2sim, "int_cam%d_img");
+    check_form(f->path, "Pose2Sim", &pose2sim, "int_cam%d_img");
+}
+
+/* A workspace of caliscope, with the board's videos beside the calibration. The
+ * workspace may be given, or the folder of one recording; if there are two, it
+ * has to be the latter. */
+TEST_IN_FOLDER(workspace_of_caliscope_should_be_the_scene)
+{
+    static const form o = { "[cameras.%d]\n", NULL, 0, 1, 0 };
+    static const char volume[] = "calibration/extrinsic/capture_volume";
+    char path[2][SAGA_MESSAGE_NBYTES];
+
+    write_videos(f, in_rgb);
+    folder_run(f,
+               "mkdir -p recordings/walk %s && for i in 0 1 2 3; do "
+               "cp cam0$(((i + 1) %% 4)).mp4 "
+               "calibration/extrinsic/cam_$i.mp4 && "
+               "cp cam0$i.mp4 recordings/walk/cam_$i.mp4 || exit; done; "
+               "rm *.mp4",
+               volume);
+    snprintf(path[0], sizeof path[0], "%s/camera_array.toml", volume);
+    write_calibration(f, path[0], &o);
+    check_form(f->path, "caliscope, workspace", &o, "cam_%d");
+    snprintf(path[0], sizeof path[0], "%s/recordings/walk", f->path);
+    check_form(path[0], "caliscope, recording", &o, "cam_%d");
+    folder_run(f, "cp -r recordings/walk recordings/jump");
+    refused(f->path, f->path, "has 2 recordings with videos");
+    check_form(path[0], "caliscope, one of two", &o, "cam_%d");
+    /* The same without a folder of that name is no workspace. */
+    folder_run(f, "mv recordings takes");
+    snprintf(path[1], sizeof path[1], "%s/takes/walk", f->path);
+    refused(path[1], path[1], "");
 }
 
 /* --- One camera ---------------------------------------------------------- */

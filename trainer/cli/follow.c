@@ -47,8 +47,10 @@ bool saga_follow_ask(const saga_follow *w, saga_error *error)
     return saga_output_sweep(w->output)
                ? saga_output_write(w->request, text, sizeof text - 1, error)
                : saga_fail(error, w->output,
-                           "`saga encode` with --resume goes on, and with "
-                           "--resume --finish makes a file of what there is",
+                           "either its file is written and being checked, or "
+                           "it was stopped: `saga encode` with --resume goes "
+                           "on, and with --resume --finish makes a file of "
+                           "what there is",
                            "is not in training");
 }
 

@@ -83,13 +83,18 @@ static bool find_file(calibration *c, const char *folder)
 }
 
 /* Finds the calibration in a folder, or where caliscope and Pose2Sim put it in
- * the folder of a project. *beside tells which. */
+ * the folder of a project, of which caliscope's recordings/NAME may be given.
+ * *beside tells which. */
 static bool find_calibration(calibration *c, const char *folder, bool *beside)
 {
-    static const char *const parts[] = { "", "capture_volume",
-                                         "calibration/extrinsic/capture_volume",
-                                         "calibration/extrinsic",
-                                         "calibration" };
+    static const char *const parts[] = {
+        "",
+        "capture_volume",
+        "calibration/extrinsic/capture_volume",
+        "calibration/extrinsic",
+        "calibration",
+        "../../recordings/../calibration/extrinsic/capture_volume"
+    };
     for (size_t i = 0; !c->path && i < sizeof parts / sizeof *parts; i++) {
         char *const place = saga_path_join(folder, parts[i], c->error);
         const bool ok = place && find_file(c, place);
@@ -378,11 +383,10 @@ static bool check_files(const calibration *c, const char *folder)
                          strrchr(c->path, '/') + 1);
     if (c->n_recordings > 1)
         return saga_fail(c->error, folder,
-                         "copy the calibration into that "
-                         "which you want, and give its folder",
-                         "has %d "
-                         "recordings with videos in recordings/, and the "
-                         "calibration %.200s",
+                         "give the folder of one of them, with the calibration "
+                         "copied into it if it is not found from there",
+                         "has %d recordings with videos in recordings/, and "
+                         "the calibration %.200s",
                          c->n_recordings, c->path);
     return c->videos.n > 0 ||
            saga_fail(c->error, folder, "put them there",
