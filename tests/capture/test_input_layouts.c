@@ -16,6 +16,9 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
     write_model(f, "sparse/0", camera_alone, 1);
     write_pictures(f, "images", camera_alone, 0, 1);
     check_same(f->path, "COLMAP, text", 1, LOSSLESS);
+    /* Programs that export for COLMAP may write no folder sparse/. */
+    folder_run(f, "mv sparse/0/* . && rm -r sparse");
+    check_same(f->path, "COLMAP, text beside images/", 1, LOSSLESS);
     c = load(f->path);
     assert_int_equal(c.n_points, scene.n_points);
     assert_true(fabs(c.points[0].position[1] - scene.points[0].position[1]) <

@@ -361,7 +361,7 @@ static bool list(saga_listing *listing, const char *folder,
 
 const saga_loader saga_colmap_loader = {
     "COLMAP", "sparse/0 beside images/",
-    "images/ and the model in sparse/0, text or binary; frames in a folder for "
-    "each camera (images/cam01/0001.jpg) or each moment",
+    "images/ and the model in sparse/0 or beside images/, text or binary; "
+    "frames in a folder for each camera (images/cam01/0001.jpg) or each moment",
     is_there, list
 };

@@ -14,7 +14,7 @@
 bool saga_colmap_find(char **model, const char *folder, saga_error *error)
 {
     static const char *const places[] = { "colmap/sparse/0", "sparse/0",
-                                          "colmap", "sparse" };
+                                          "colmap", "sparse", "" };
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         *model = saga_path_join(folder, places[i], error);
         if (!*model)
