@@ -10,6 +10,8 @@
 const ROTATION = 0, CENTRE = 9, FOCAL = 12, PRINCIPAL = 14, SIZE = 17;
 const ONE_Q30 = 2 ** 30, ONE_Q16 = 65536;
 const FARTHEST = 2 ** 29; // box units; largest coordinate of a camera
+const MOST_PIXELS = 2 ** 25, MOST_SIDE = 8192; // of an exact picture in the
+                          // camera's size; view_cli.c has the same limits
 
 // --- Vectors ---------------------------------------------------------------
 
@@ -106,6 +108,18 @@ export function resized(lens, scale) {
         values[PRINCIPAL + i] = Math.round(side * ONE_Q16 / 2 + off * scale);
     }
     return values;
+}
+
+// Returns the size of an exact picture, relative to the camera's picture. If
+// that has more than any screen, it is the window's, `room`.
+export function exactScale(lens, scale, room) {
+    const sides = [widthOf(lens), heightOf(lens)];
+    const scaled = sides.map((x) => x * scale);
+    const [across, down] = room ?? [1920, 1080];
+
+    return Math.max(...scaled) <= MOST_SIDE &&
+        scaled[0] * scaled[1] <= MOST_PIXELS ? scale
+        : Math.min(scale, across / sides[0], down / sides[1]);
 }
 
 // Returns the lens for a picture of width x height. If its shape differs from

@@ -230,7 +230,7 @@ export class GpuScreen {
         this.canvas = canvas;
         this.gl = gl;
         this.loser = gl.getExtension('WEBGL_lose_context');
-        this.isReleased = false;
+        this.isReleased = this.isGone = false;
         this.transparent = false; // the page shows where the film does not
         this.begin();
         canvas.addEventListener('webglcontextlost', (event) =>
@@ -256,22 +256,23 @@ export class GpuScreen {
         this.again = () => {};
     }
 
-    // Gives the context back while the canvas is not in the page.
-    release() {
-        if (this.isReleased)
-            return;
+    // Gives the context back, until `regain`. forGood: the canvas is not in the
+    // page, and another one may have a context of its own instead.
+    release(forGood = false) {
+        nContexts -= Number(forGood && !this.isGone);
+        this.isGone ||= forGood;
+        if (!this.isReleased)
+            this.loser?.loseContext();
         this.isReleased = true;
-        nContexts--;
-        this.loser?.loseContext();
     }
 
     // Takes a context again. Then the canvas gets `webglcontextrestored`.
     regain() {
-        if (!this.isReleased)
-            return;
+        nContexts += Number(this.isGone);
+        this.isGone = false;
+        if (this.isReleased)
+            this.loser?.restoreContext();
         this.isReleased = false;
-        nContexts++;
-        this.loser?.restoreContext();
     }
 
     resize(width, height) {
@@ -376,8 +377,11 @@ class SharedScreen {
         this.takesSplats = gpu.takesSplats;
         this.transparent = false;
         this.context = canvas.getContext('2d');
+        // The shared context must not keep canvases that are gone.
+        const weak = new WeakRef(canvas);
+
         gpu.canvas.addEventListener('webglcontextrestored', ({ type }) =>
-            canvas.dispatchEvent(new Event(type)));
+            weak.deref()?.dispatchEvent(new Event(type)));
     }
 
     showSplats(splats) {

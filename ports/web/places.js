@@ -48,6 +48,8 @@ export function startWorker() {
     }
 }
 
+const blobs = {}; // addresses of scripts that were made, by their text
+
 // A page may not start a worker from another server, but one that imports it.
 // In a sandboxed frame, whose origin is "null", that is no Blob either.
 function workerAt(address, type = 'module') {
@@ -56,7 +58,8 @@ function workerAt(address, type = 'module') {
         new URL(address).origin === self.origin;
     const url = isOurs ? address : self.origin === 'null'
         ? `data:text/javascript,${encodeURIComponent(text)}`
-        : URL.createObjectURL(new Blob([text], { type: 'text/javascript' }));
+        : blobs[text] ??= URL.createObjectURL(
+            new Blob([text], { type: 'text/javascript' }));
 
     return new Worker(trust('createScriptURL', url), { type });
 }

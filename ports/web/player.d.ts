@@ -28,7 +28,7 @@ export class SagaPlayer extends HTMLElement {
     /** Why the film cannot be shown, with the codes of MediaError; or null. */
     readonly error: { code: number; message: string } | null;
     /** "none": nothing is fetched before play(); else the head and the first
-     * segment are. */
+     * segment are as soon as the element is seen. */
     preload: string;
     /** "use-credentials": requests to other servers have cookies. */
     crossOrigin: string | null;

@@ -10,8 +10,8 @@
 // drawn; background="transparent", no background of the film; controls, the
 // bar; draw="exact", the decoder's own pixels, with their background; muted, no
 // sound until it is turned on; preload="none", nothing is fetched before
-// play(); crossorigin, as for a video; bounds="off", the camera may leave the
-// film's viewing volume.
+// play(), else when the element is seen; crossorigin, as for a video;
+// bounds="off", the camera may leave the film's viewing volume.
 //
 // Properties, methods and events are those of a video as far as they have a
 // meaning, and camerachange. Its style sets its size; the default is 16:9 of
@@ -60,12 +60,18 @@ export class SagaPlayer extends Base {
         this.sound = new Sound(this.viewer);
         this.tilt = new Tilt(this.viewer);
         this.watcher = new ResizeObserver(() => this.fit());
+        this.isSeen = false; // or nearly
+        this.isDue = false;  // the film of `src` is opened when it is seen
+        this.eye = new IntersectionObserver((entries) => {
+            this.isSeen = entries.at(-1).isIntersecting;
+            this.attend();
+        }, { rootMargin: '50%' });
         this.listen();
     }
 
     connectedCallback() {
         this.watcher.observe(this);
-        this.viewer.screen.regain?.();
+        this.eye.observe(this);
         if (this.isShut && this.src)
             this.load();
         this.isShut = false;
@@ -73,6 +79,7 @@ export class SagaPlayer extends Base {
 
     disconnectedCallback() {
         this.watcher.disconnect();
+        this.eye.disconnect();
         // An element that is only moved within the page goes on.
         setTimeout(() => {
             if (!this.isConnected)
@@ -83,10 +90,11 @@ export class SagaPlayer extends Base {
     // Ends workers and gives the graphics processor's memory back.
     shut() {
         this.isShut = true;
+        this.isSeen = false;
         this.tilt.stop();
         this.viewer.clear();
         this.sound.clear();
-        this.viewer.screen.release?.();
+        this.viewer.ownScreen?.release?.(true);
     }
 
     attributeChangedCallback(name, before, now) {
@@ -153,9 +161,6 @@ export class SagaPlayer extends Base {
         this.$('full').hidden = !document.fullscreenEnabled;
         on('headset', 'click', () => this.enterHeadset());
         this.$('headset').hidden = true;
-        hasHeadset().then((has) => {
-            this.$('headset').hidden = !has || !viewer.screen.takesSplats;
-        });
         this.addEventListener('keydown', (event) => this.onKey(event));
         for (const type of ['pointermove', 'pointerdown', 'keydown'])
             this.addEventListener(type, () => this.wake());
@@ -167,20 +172,34 @@ export class SagaPlayer extends Base {
 
     // --- A file
 
-    // Opens the film of `src`, unless it has to wait for play().
+    // Opens the film of `src` as soon as it is seen, unless it has to wait for
+    // play().
     load() {
-        if (this.preload !== 'none') {
-            this.open(this.src).catch(() => {}); // the `error` event reports it
-            return;
-        }
         this.viewer.clear();
         this.opening = null;
         this.showPoster(this.getAttribute('poster'));
+        this.isDue = this.preload !== 'none';
+        this.attend();
+    }
+
+    // Only a player that is seen, heard or shown in a headset has a worker and
+    // a context of the graphics processor. Others keep camera and time.
+    attend() {
+        const { viewer, sound } = this;
+
+        if (!this.isSeen && !viewer.wanted &&
+            !(viewer.playing && sound.isHeard))
+            viewer.sleep();
+        else if (this.isDue)
+            this.open(this.src).catch(() => {}); // `error` reports it
+        else
+            viewer.wake();
     }
 
     // Opens a URL or a File. If it fails, it rejects with an error whose
     // message is a sentence.
     open(source) {
+        this.isDue = false;
         this.tell('opening');
         this.showPoster(this.getAttribute('poster'));
         this.viewer.credentials = this.crossOrigin === 'use-credentials'
@@ -214,6 +233,7 @@ export class SagaPlayer extends Base {
         this.emit('loadedmetadata');
         if (this.hasAttribute('autoplay') && !still)
             viewer.play();
+        this.attend();
     }
 
     // --- What is shown
@@ -294,6 +314,7 @@ export class SagaPlayer extends Base {
             this.emit('timeupdate');
         if (before.pose !== now.pose)
             this.emit('camerachange');
+        this.attend();
         this.wake();
     }
 
@@ -306,12 +327,17 @@ export class SagaPlayer extends Base {
         this.$('sound').setAttribute('aria-label', label);
         this.$('sound').title = label;
         this.emit('volumechange');
+        this.attend();
     }
 
     showDrawn() {
         this.$('poster').hidden = true;
         if (this.isFresh) {
             this.isFresh = false;
+            hasHeadset().then((has) => {
+                this.$('headset').hidden = !has ||
+                    !this.viewer.screen.takesSplats;
+            });
             this.emit('loadeddata');
             this.emit('canplay');
         }

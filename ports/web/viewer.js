@@ -29,12 +29,11 @@ import { visible } from './source.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
 import { absolutePlaces, cannotStart, startWorker } from './places.js';
+import { goToKey, keyOf, setState, stateOf } from './state.js';
 
 const TIME_DEN = 256; // steps of time between two frames, while it plays
 const REST_MS = 150;  // time without a change, after which the sharp picture is
                       // drawn
-const MOST_PIXELS = 2 ** 25, MOST_SIDE = 8192; // of an exact picture in the
-                      // camera's size; view_cli.c has the same limits
 const MOST_MS = 250;  // largest step of the clock
 const WAIT_MS = 200;  // delay of a late segment, after which `waiting` is
                       // emitted
@@ -51,9 +50,9 @@ export class Viewer extends EventTarget {
     constructor(canvas, { exact = false, simd, seconds, screen } = {}) {
         super();
         this.canvas = canvas;
-        this.screen = screen || GpuScreen.open(canvas) ||
-            new PlainScreen(canvas);
-        this.exact = exact || !this.screen.takesSplats;
+        this.screen = screen;
+        this.wantsExact = exact;
+        this.transparent = false;
         this.room = null;       // width and height of the window, if set
         this.pace = new Pace();
         this.rest = 0;          // timer
@@ -75,11 +74,25 @@ export class Viewer extends EventTarget {
         this.clear();
     }
 
+    // A page may have many players, and browsers have few contexts; the canvas
+    // takes one when it is first drawn.
+    get screen() {
+        this.ownScreen ??= GpuScreen.open(this.canvas) ||
+            new PlainScreen(this.canvas);
+        return this.ownScreen;
+    }
+
+    set screen(screen) {
+        this.ownScreen = screen;
+    }
+
+    get exact() {
+        return this.wantsExact || !this.screen.takesSplats;
+    }
+
     clear() {
-        clearTimeout(this.rest);
-        this.bounds.clear();
-        this.worker?.terminate();
-        this.worker = null;
+        this.disconnect();
+        this.isAsleep = false;
         this.info = null;
         this.error = null;      // why nothing is shown
         this.frame = 0;
@@ -88,17 +101,26 @@ export class Viewer extends EventTarget {
         this.wanted = null;     // camera of an engine or a headset, which is
                                 // drawn instead
         this.path = null;       // the path of key cameras that is played
+        this.drawn = null;
+        this.waiting = false;
+        this.wantsSound = false; // it was asked for and has not come
+    }
+
+    // Ends the worker.
+    disconnect() {
+        clearTimeout(this.rest);
+        clearTimeout(this.late);
+        this.bounds.clear();
+        this.worker?.terminate();
+        this.worker = null;
         this.busy = false;      // a picture is being drawn
         this.stale = false;     // another picture is needed after it
         this.spare = null;      // an ArrayBuffer that the worker may use for
                                 // the next picture
-        this.drawn = null;
         this.asked = -1;        // number of the segment that the picture in
                                 // progress needs
         this.looked = null;     // the segment for which lookAhead has asked for
                                 // the next ones
-        clearTimeout(this.late);
-        this.waiting = false;
     }
 
     emit(type, detail) {
@@ -110,14 +132,21 @@ export class Viewer extends EventTarget {
     // Opens a URL or a File. Resolves when it is open; rejects with an error
     // whose message is a sentence.
     open(source) {
-        let address = source;
-
         this.clear();
+        this.source = source;
+        return this.connect().then((opened) => this.begin(opened));
+    }
+
+    // Starts a worker, which opens the file.
+    connect() {
+        let address = this.source;
+
+        this.ownScreen?.regain?.();
         try {
-            if (typeof source === 'string')
-                address = new URL(source, document.baseURI).href;
+            if (typeof address === 'string')
+                address = new URL(address, document.baseURI).href;
         } catch {
-            return Promise.reject(this.fail(`${source}: is no address`));
+            return Promise.reject(this.fail(`${address}: is no address`));
         }
         try {
             this.worker = startWorker();
@@ -131,9 +160,9 @@ export class Viewer extends EventTarget {
                 else if (data.progress)
                     this.emit('progress', data.progress);
                 else if (data.sound !== undefined)
-                    this.emit('sound', data.sound);
+                    this.takeSound(data.sound);
                 else if (data.opened)
-                    resolve(this.begin(data.opened));
+                    resolve(data.opened);
                 else
                     reject(this.fail(data.failed, data.code));
             };
@@ -143,6 +172,33 @@ export class Viewer extends EventTarget {
                 seconds: this.seconds, places: absolutePlaces(),
                 credentials: this.credentials });
         });
+    }
+
+    // Gives worker and context back while nobody sees the canvas. The clock
+    // stands until the viewer is woken and has opened the file again. An address
+    // that a page has made may be gone by then.
+    sleep() {
+        if (this.isAsleep || !this.info || /^blob:/.test(this.source))
+            return;
+        this.isAsleep = true;
+        this.endWait();
+        this.disconnect();
+        this.ownScreen?.release?.();
+    }
+
+    wake() {
+        if (!this.isAsleep)
+            return;
+        this.isAsleep = false;
+        this.busy = true; // until the file is open
+        this.connect().then(() => {
+            this.busy = false;
+            this.changed();
+            if (this.wantsSound)
+                this.askSound();
+            if (this.playing)
+                this.runClock();
+        }, () => {}); // the `failed` event has reported it
     }
 
     begin({ info, rig, segments, hasSound, viewingVolume: volume, name, size,
@@ -256,14 +312,14 @@ export class Viewer extends EventTarget {
 
     // Selects who draws: the decoder, or the graphics processor.
     setExact(exact) {
-        this.exact = exact || !this.screen.takesSplats;
+        this.wantsExact = exact;
         this.changed();
     }
 
     // Shows what is behind the canvas instead of the film's background. Exact
     // pictures keep that.
     setTransparent(transparent) {
-        this.screen.transparent = transparent;
+        this.transparent = transparent;
         this.changed();
     }
 
@@ -302,23 +358,10 @@ export class Viewer extends EventTarget {
         const lens = this.fills
             ? cam.fitted(this.lens, ...this.room.map(
                 (x) => Math.max(1, Math.round(x * detail))))
-            : cam.resized(this.lens, this.exactScale());
+            : cam.resized(this.lens,
+                cam.exactScale(this.lens, this.scale, this.room));
 
         return this.moved ? cam.placed(lens, this.pose) : lens;
-    }
-
-    // Returns the size of an exact picture, relative to the camera's picture. If
-    // that has more than any screen, it is the window's.
-    exactScale() {
-        const width = cam.widthOf(this.lens), height = cam.heightOf(this.lens);
-        const scaled = [width, height].map((x) => x * this.scale);
-
-        if (Math.max(...scaled) <= MOST_SIDE &&
-            scaled[0] * scaled[1] <= MOST_PIXELS)
-            return this.scale;
-        const [across, down] = this.room ?? [1920, 1080];
-
-        return Math.min(this.scale, across / width, down / height);
     }
 
     isMoving() {
@@ -331,7 +374,7 @@ export class Viewer extends EventTarget {
         return this.screen.read();
     }
 
-    // --- Key cameras, in the capture's units
+    // --- Places in the capture's units, key cameras
 
     toMetres(point) {
         return point.map((x, i) => this.info.centre[i] + x * this.info.unit);
@@ -341,62 +384,10 @@ export class Viewer extends EventTarget {
         return point.map((x, i) => (x - this.info.centre[i]) / this.info.unit);
     }
 
-    // Returns the present key camera, or null if no file is open.
-    key(seconds = 0) {
-        return this.info && { seconds, frame: this.frame, fov: cam.fovOf(this.lens),
-            eye: this.toMetres(this.pose.centre),
-            target: this.toMetres(this.pivot),
-            up: cam.times(cam.downOf(this.pose), -1) };
-    }
-
-    goToKey(key) {
-        if (!this.info)
-            return;
-        const eye = this.toUnits(key.eye), target = this.toUnits(key.target);
-
-        this.pivot = target;
-        this.bounds.isLed = false;
-        this.frame = this.inFile(key.frame);
-        this.setPose(cam.lookAt(eye, target, cam.unit(key.up)),
-            cam.withFov(this.lens, key.fov));
-    }
-
-    // Returns camera and time as a line, to share a view: "camera=2&frame=12",
-    // or the position of a free camera; '' if no file is open.
-    toState() {
-        const text = (numbers) => numbers.map((x) => Number(x.toPrecision(7)))
-            .join(',');
-
-        if (!this.info)
-            return '';
-        if (!this.moved)
-            return `camera=${this.camera}&frame=${Math.floor(this.frame)}`;
-        const { frame, fov, eye, target, up } = this.key();
-
-        return `frame=${Math.floor(frame)}&fov=${text([fov])}&eye=${text(eye)}` +
-            `&target=${text(target)}&up=${text(up)}`;
-    }
-
-    // Sets camera and time from such a line. Returns whether it had any.
-    setState(line) {
-        const said = new URLSearchParams(line);
-        const numbers = (name) => (said.get(name) || '').split(',').map(Number);
-        const [frame, fov, camera] = ['frame', 'fov', 'camera'].map(
-            (name) => Number(said.get(name) || 0));
-        const [eye, target, up] = ['eye', 'target', 'up'].map(numbers);
-        const isPlace = fov > 0 && fov < 180 && [eye, target, up].every(
-            (v) => v.length === 3 && v.every(Number.isFinite));
-
-        if (!this.info || !Number.isFinite(frame) ||
-            !(isPlace || said.has('camera') || said.has('frame')))
-            return false;
-        if (isPlace)
-            this.goToKey({ frame, fov, eye, target, up });
-        else if (Number.isInteger(camera))
-            this.selectCamera(camera);
-        this.seek(frame);
-        return true;
-    }
+    key(seconds = 0) { return keyOf(this, seconds); }
+    goToKey(key) { goToKey(this, key); }
+    toState() { return stateOf(this); }
+    setState(line) { return setState(this, line); }
 
     // --- Time
 
@@ -419,7 +410,6 @@ export class Viewer extends EventTarget {
         if (!this.loop && this.frame >= this.info.nFrames - 1)
             this.frame = 0;
         this.playing = true;
-        this.since = performance.now();
         this.runClock();
         this.changed();
     }
@@ -427,13 +417,14 @@ export class Viewer extends EventTarget {
     // Starts the clock. A clock that runs already is replaced.
     runClock() {
         const next = () => this.nextFrame((now) => {
-            if (this.clock !== next || !this.playing)
+            if (this.clock !== next || !this.playing || !this.worker)
                 return;
             this.tick(now);
             next();
         });
 
         this.clock = next;
+        this.since = performance.now();
         next();
     }
 
@@ -522,7 +513,7 @@ export class Viewer extends EventTarget {
             list.push(next);
             frames += segments[next].nFrames;
         }
-        this.worker.postMessage({ ahead: list });
+        this.worker?.postMessage({ ahead: list });
     }
 
     // Returns whether the picture in progress needs another segment than the
@@ -552,7 +543,13 @@ export class Viewer extends EventTarget {
     // Fetches the film's sound for the event `sound`, whose detail is
     // { start, bytes }, or null if it is damaged. sound.js plays it.
     askSound() {
-        this.worker.postMessage({ sound: true });
+        this.wantsSound = true;
+        this.worker?.postMessage({ sound: true });
+    }
+
+    takeSound(sound) {
+        this.wantsSound = false;
+        this.emit('sound', sound);
     }
 
     // --- Pictures
@@ -565,7 +562,7 @@ export class Viewer extends EventTarget {
         this.emit('change');
         if (this.busy)
             this.stale = true;
-        else
+        else if (this.worker)
             this.ask();
     }
 
@@ -586,6 +583,7 @@ export class Viewer extends EventTarget {
     }
 
     show(drawn) {
+        this.screen.transparent = this.transparent;
         if (drawn.gpu)
             this.screen.showSplats(drawn);
         else

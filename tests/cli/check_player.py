@@ -16,6 +16,13 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
               all keep their picture. A player that is moved goes on; one that
               was removed gives its context back, and shows the film again when
               it is put back
+  scroll      of players in a long page only those that are seen, or nearly, have
+              a worker and a context; one that is seen again is where it was,
+              and plays on if it played
+  lost        if the browser takes a context and gives it back, its picture comes
+              back and plays on, also where canvases share the context
+  leaks       after many changes of src there are as many workers, listeners and
+              nodes as after a few
   large       of cameras with 16,384 x 16,384 pixels it draws what the window has
   pace        pictures get smaller on a slow machine, and are sharp at rest;
               they do not get smaller if the worker takes most of the time, or
@@ -138,7 +145,7 @@ async function clear() {
             }
             told.push([screen.constructor.name, most, sum]);
         }
-    screens.forEach((screen) => screen.release?.());
+    screens.forEach((screen) => screen.release?.(true));
     return told;
 }
 """
@@ -152,7 +159,7 @@ def check_clear(tab):
                 for _, most, alpha in told):
         complain("pictures without background:", json.dumps(told))
     put(tab, background="transparent")
-    see = "[player.viewer.screen.transparent, " \
+    see = "[player.viewer.transparent, " \
         "getComputedStyle(player).backgroundColor]"
     shown = tab.run(see)
     tab.run("player.removeAttribute('background')")
@@ -282,7 +289,7 @@ MANY = """(async () => {
     screens[0].showSplats(made);
     const told = [...sums, sum(screens[0]), lost];
 
-    screens.forEach((screen) => screen.release?.());
+    screens.forEach((screen) => screen.release?.(true));
     return told;
 })()"""
 
@@ -309,6 +316,146 @@ def check_many(tab):
         return data.some((x, i) => i % 4 < 3 && x !== data[i % 4]);
     })()""")
     verdict("many")
+
+
+# A page of players under each other, 120 pixels each. seen() returns those that
+# are in the window; awake() those that have a worker, whose number of contexts
+# is the second number.
+SCROLL = """(async () => {
+    await import('/player.js');
+    window.players = Array.from({ length: %d }, (_, i) => {
+        const player = document.createElement('saga-player');
+        player.style = 'width: 160px; height: 120px; aspect-ratio: auto';
+        player.setAttribute('camera', i %% 4);
+        player.src = '/demo.saga';
+        return player;
+    });
+    window.seen = () => players.filter((player) => {
+        const { top, bottom } = player.getBoundingClientRect();
+        return bottom > 0 && top < innerHeight;
+    });
+    window.awake = () => {
+        const all = players.filter(({ viewer }) => viewer.worker);
+        return [all.length, new Set(players.map(
+            ({ viewer }) => viewer.ownScreen?.gl).filter(
+            (gl) => gl && !gl.isContextLost())).size];
+    };
+    window.stand = () => seen().every(({ viewer }) => viewer.drawn &&
+        !viewer.isAsleep && !viewer.busy && !viewer.stale &&
+        viewer.read().data.some((x, i, all) => i %% 4 < 3 && x !== all[i %% 4]));
+    document.body.replaceChildren(...players);
+})()"""
+
+
+def check_scroll(tab):
+    n = 60 if "SAGA_TEST_LONG" in os.environ else 16
+    tab.run(SCROLL % n)
+    most = 0
+    for top in [*range(0, 120 * n, 480), 0]:
+        tab.run("scrollTo(0, %d)" % top)
+        tab.wait("stand()", "JSON.stringify(players.map(({ viewer: v }) => "
+                 "[Boolean(v.worker), Boolean(v.drawn), v.busy, v.isAsleep]))")
+        if top == 0:
+            tab.run("""(() => {
+                const [first, second] = players;
+                first.camera = 3;
+                first.currentTime = 0.5;
+                second.loop = true;
+                second.viewer.orbit(0.2, 0);
+                window.was = second.toState().replace(/frame=[0-9]+/, '');
+            })()""" if not most else "0")
+            tab.run("players[1].loop = true; players[1].viewer.loop = true; "
+                    "void players[1].play()")
+        # Four are in the window; half of it above and below are near.
+        tab.wait("awake()[0] <= 9", "JSON.stringify(awake())")
+        most = max(most, *tab.run("awake()"))
+    if tab.run("players[0].toState()") != "camera=3&frame=12" or \
+            not tab.run("players[1].toState().replace(/frame=[0-9]+/, '') === "
+                        "was && !players[1].paused"):
+        complain("seen again, two players are at", tab.run(
+            "players.slice(0, 2).map((p) => p.toState() + was)"))
+    frame = tab.run("players[1].viewer.frame")
+    tab.wait("players[1].viewer.frame !== %r" % frame)
+    tab.run("document.body.replaceChildren()")
+    # Canvases that share a context leave it for the next ones.
+    tab.wait("awake()[0] === 0 && awake()[1] < 2", "awake().join()")
+    verdict("scroll: %d players, at most %d awake" % (n, most))
+
+
+# Takes the context of a canvas as a browser does that has too little memory.
+LOST = """(async () => {
+    const { gl } = viewer.screen, loser = gl.getExtension('WEBGL_lose_context');
+    const sum = () => viewer.read().data.reduce((a, b) => a + b, 0);
+    const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+    const until = async (is) => {
+        for (let i = 0; i < 300 && !is(); i++)
+            await wait(20);
+    };
+    const told = [viewer.screen.constructor.name, sum()];
+
+    loser.loseContext();
+    await wait(100);
+    loser.restoreContext();
+    await until(() => !gl.isContextLost());
+    await wait(50);
+    await until(() => !viewer.busy && !viewer.stale);
+    told.push(sum());
+    viewer.loop = true;
+    viewer.play();
+    loser.loseContext();
+    await wait(100);
+    loser.restoreContext();
+    await until(() => !gl.isContextLost());
+    const { frame } = viewer;
+    await until(() => viewer.frame !== frame);
+    viewer.pause();
+    viewer.seek(0);
+    await wait(50);
+    await until(() => !viewer.busy && !viewer.stale);
+    return [...told, sum(), viewer.frame, frame];
+})()"""
+
+
+def check_lost(tab):
+    for others in (0, 8):
+        tab.run("""(async () => {
+            const { GpuScreen } = await import('/gpu.js');
+            document.body.replaceChildren();
+            await new Promise((resolve) => setTimeout(resolve, 100));
+            window.others = Array.from({ length: %d },
+                () => GpuScreen.open(document.createElement('canvas')));
+        })()""" % others)
+        put(tab)
+        name, *sums, at, frame = tab.run(LOST)
+        if name != ("SharedScreen" if others else "GpuScreen") or \
+                len({*sums}) != 1:
+            complain("a lost context", name, sums, at, frame)
+        tab.run("others.forEach((screen) => screen.release?.(true))")
+    verdict("lost")
+
+
+def check_leaks(tab):
+    n = 50 if "SAGA_TEST_LONG" in os.environ else 12
+    tab.call("Performance.enable")
+    put(tab)
+    names = ("JSEventListeners", "Nodes", "Documents")
+
+    def count():
+        tab.call("HeapProfiler.collectGarbage")
+        found = {m["name"]: m["value"]
+                 for m in tab.call("Performance.getMetrics")["metrics"]}
+        return [found[name] for name in names] + [tab.n_workers()]
+    for i in range(n + 3):
+        if i == 3:
+            before = count()
+        tab.run("viewer.drawn = null; player.src = '/%s?%d'" % (
+            "still.saga" if i % 2 else DEMO, i))
+        settle(tab)
+    after = count()
+    if after != before:
+        complain("listeners, nodes, documents and workers are", after, "not",
+                 before, "after", n, "changes of src")
+    verdict("leaks: %d changes of src" % n)
 
 
 def check_large(tab):
@@ -589,6 +736,9 @@ def main():
         check_window(tab)
         check_clear(tab)
         check_many(tab)
+        check_scroll(tab)
+        check_lost(tab)
+        check_leaks(tab)
         check_large(tab)
         check_pace(tab)
         check_element(tab)

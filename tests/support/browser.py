@@ -148,20 +148,25 @@ class Browser:
         self.wait("document.readyState === 'complete' && "
                   "location.href === " + json.dumps(url))
 
-    def worker_seconds(self):
-        """Returns the CPU time that the workers of our pages have used."""
-        ticks = 0
+    def workers(self):
+        """Yields what stat_of returns of each worker of our pages."""
         for task in glob.glob("/proc/[0-9]*/task/*"):
             try:
                 with open(task + "/comm") as f:
                     if not f.read().startswith("DedicatedWorker"):
                         continue
                 if self.is_ours(task.split("/")[2]):
-                    fields = stat_of(task)
-                    ticks += int(fields[11]) + int(fields[12])
+                    yield stat_of(task)
             except OSError:
                 pass # it has ended
-        return ticks / os.sysconf("SC_CLK_TCK")
+
+    def n_workers(self):
+        return sum(1 for _ in self.workers())
+
+    def worker_seconds(self):
+        """Returns the CPU time that the workers of our pages have used."""
+        return sum(int(f[11]) + int(f[12]) for f in self.workers()) / \
+            os.sysconf("SC_CLK_TCK")
 
     def is_ours(self, pid):
         while int(pid) > 1:
