@@ -22,8 +22,16 @@ export class SagaEntity {
     /** Moves an entity with a camera to the position and orientation of a
      * camera of the rig, and gives it its field of view. */
     placeCamera(camera: Entity, index?: number): void;
+    /** Moves an entity with a camera that is outside the film's viewing volume to
+     * the nearest place in it; to be called after controls have moved it. */
+    holdCamera(camera: Entity): void;
     destroy(): void;
 }
+
+/** Moves a camera as SagaEntity.holdCamera does, for any entity that shows a
+ * film. */
+export function holdCamera(film: { entity: Entity; view: EngineView },
+    camera: Entity): void;
 
 /** Moves a camera as SagaEntity.placeCamera does, for any entity that shows a
  * film. */

@@ -69,6 +69,18 @@ export function placeCamera({ entity, view }, camera, index) {
     camera.camera.fov = fov;
 }
 
+// Moves an entity with a camera that is outside the film's viewing volume to
+// the nearest place in it.
+export function holdCamera({ entity, view }, camera) {
+    const world = entity.getWorldTransform();
+    const { x, y, z } = new pc.Mat4().copy(world).invert().transformPoint(
+        camera.getPosition());
+    const eye = [x, y, z], held = view.held(eye);
+
+    if (held !== eye)
+        camera.setPosition(world.transformPoint(new pc.Vec3(...held)));
+}
+
 export class SagaEntity {
     // source: a URL or a File. options: simd and seconds, as in viewer.d.ts.
     static async load(app, source, options) {
@@ -142,6 +154,10 @@ export class SagaEntity {
 
     placeCamera(camera, index = this.view.start) {
         placeCamera(this, camera, index);
+    }
+
+    holdCamera(camera) {
+        holdCamera(this, camera);
     }
 
     destroy() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-import type { Mesh, PerspectiveCamera } from 'three';
+import type { Mesh, Object3D, PerspectiveCamera } from 'three';
 import type { EngineView } from 'saga-web/engine.js';
 
 /** A film in a scene that a WebGLRenderer draws. Its unit of length is the
@@ -18,5 +18,8 @@ export class SagaMesh extends Mesh {
     /** Moves a camera to the position and orientation of a camera of the rig,
      * and gives it its field of view. */
     placeCamera(camera: PerspectiveCamera, index?: number): void;
+    /** Moves a camera that is outside the film's viewing volume to the nearest
+     * place in it; to be called after controls have moved it. */
+    holdCamera(camera: Object3D): void;
     dispose(): void;
 }

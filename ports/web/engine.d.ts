@@ -31,6 +31,9 @@ export class EngineView extends Viewer {
      * `values` to the clip space of the engine's camera. */
     toClip(values: Int32Array, modelView: ArrayLike<number>,
         projection: ArrayLike<number>): number[];
+    /** Returns an eye, or else the place of the viewing volume that is nearest to
+     * it, in the capture's units. */
+    held(eye: number[]): number[];
     /** Returns the vertical field of view, in degrees, and the pose, as a
      * matrix, of a camera of the rig. */
     rigPlace(index: number): { fov: number; matrix: number[] };

@@ -11,6 +11,7 @@
 import * as cam from './camera.js';
 import { SHAPE_GLSL } from './gpu.js';
 import { Viewer } from './viewer.js';
+import { eyeAt, inside, outside, placeOf } from './volume.js';
 
 const SPLAT_INTS = 11;     // 32-bit integers of a saga_splat of saga.h
 export const FLOATS = 10;  // floats of a splat that `floatsOf` returns
@@ -159,6 +160,15 @@ export class EngineView extends Viewer {
 
     toClip(values, modelView, projection) {
         return toClip(this, values, modelView, projection);
+    }
+
+    // Returns an eye, or else the place of the viewing volume that is nearest to
+    // it. Positions are in the capture's units.
+    held(eye) {
+        const volume = this.viewingVolume;
+
+        return volume && outside(volume, eye) > 0
+            ? eyeAt(volume, inside(volume, placeOf(volume, eye))) : eye;
     }
 
     // Returns the pose of a camera of the rig and its vertical field of view in

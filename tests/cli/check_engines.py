@@ -11,9 +11,16 @@ plays the demo,
                  present camera sees them
   NAME placed    if film and camera are moved, turned and enlarged together, the
                  picture stays the same
-  NAME composer  through passes that encode linear light at their end it has at
-                 least 30 dB
-  three logarithmic  the walls hide the same with a logarithmic depth buffer
+  NAME hold      a camera outside the viewing volume is moved to its surface, in
+                 the direction of the pivot, and one inside is not moved
+  three composer  through passes that encode linear light at their end it has at
+                 least 40 dB, because what they have drawn is encoded while the
+                 film is mixed, and the walls hide the same
+  playcanvas composer  there it has at least 30 dB
+  three logarithmic, three reversed  the walls hide the same with a logarithmic
+                 and with a reversed depth buffer
+  three unsized  a renderer that has not been given a size shows the film, and
+                 one with tone mapping its colours; other renderers are refused
   gsplat, spark  the pictures that PlayCanvas and Spark draw with their own
                  splat renderers have a PSNR of at least 30 dB, also at once
                  when the time changes; these renderers do not support the steep
@@ -39,7 +46,8 @@ import npm  # noqa: E402
 
 LEAST_DB = 40
 LEAST_GAUSSIANS_DB = 30
-LEAST_COMPOSED_DB = 30  # where splats are mixed in linear light
+# Splats are mixed as sRGB in three.js, in linear light in PlayCanvas.
+LEAST_COMPOSED_DB = {"three": 40, "playcanvas": 30}
 SIZE = 320, 180         # of the demo's cameras
 
 # For each engine, its npm packages, their versions, and the files of them that
@@ -308,13 +316,13 @@ COMPOSE = {"three": """
         composer.addPass(new RenderPass(scene, camera));
         composer.addPass(new OutputPass());
         window.renderNow = () => composer.render();
-        const end = () => { window.renderNow = null; };
+        window.uncompose = () => { window.renderNow = null; };
 """, "playcanvas": """
         const composer = new pc.CameraFrame(app, camera.camera);
 
         composer.rendering.toneMapping = pc.TONEMAP_NONE;
         composer.update();
-        const end = () => composer.destroy();
+        window.uncompose = () => composer.destroy();
 """}
 
 
@@ -326,21 +334,90 @@ def check_composer(tab, name):
         const want = await exact(view.wanted);
         %s
         draw();
-        const got = draw();
-        end();
-        return beside(want, got);
+        return beside(want, draw());
     })()""" % COMPOSE[name])
-    if db < LEAST_COMPOSED_DB:
+    if db < LEAST_COMPOSED_DB[name]:
         complain("through a composer it has", db, "dB")
+    if name == "three":
+        check_depth(tab, "three composer")
+    tab.run("uncompose()")
     verdict("%s composer: %.1f dB" % (name, db))
 
 
-def check_logarithmic(tab, name):
-    tab.run("""(() => {
-        renderer = new THREE.WebGLRenderer({ logarithmicDepthBuffer: true });
-        renderer.setSize(%d, %d);
-    })()""" % SIZE)
-    check_depth(tab, name + " logarithmic")
+def check_buffers(tab):
+    """The same walls with the other depth buffers of three.js."""
+    for word in "logarithmic", "reversed":
+        tab.run("""(() => {
+            renderer = new THREE.WebGLRenderer({ %sDepthBuffer: true });
+            renderer.setSize(%d, %d);
+        })()""" % (word, *SIZE))
+        if not tab.run("renderer.capabilities.%sDepthBuffer" % word):
+            print("ok   engines three %s skipped: the browser cannot" % word)
+            continue
+        tab.run("draw()") # the first picture turns the camera's depth
+        check_depth(tab, "three " + word)
+
+
+def check_unsized(tab):
+    told = []
+    for mapping in "NoToneMapping", "ACESFilmicToneMapping":
+        told.append(tab.run("""(async () => {
+            renderer = new THREE.WebGLRenderer();
+            renderer.toneMapping = THREE.%s;
+            camera.aspect = 2; // of a canvas that nobody has given a size
+            look(0, 0);
+            await settled();
+            return beside(await exact(view.wanted), draw());
+        })()""" % mapping))
+    tab.run("camera.aspect = %d / %d; renderer.setSize(%d, %d)" % (2 * SIZE))
+    if not tab.run("""(() => {
+        try {
+            film.onBeforeRender({}, scene, camera);
+        } catch ({ message }) {
+            return message.includes('WebGLRenderer');
+        }
+    })()"""):
+        complain("another renderer is not told to be the wrong one")
+    if min(told) < LEAST_DB:
+        complain("without a size, with tone mapping it has", told, "dB")
+    verdict("three unsized: %.1f dB, with tone mapping %.1f" % tuple(told))
+
+
+# Functions that put the camera, tell where it is, and map the film's positions
+# to the scene's.
+HOLD = {"three": """
+    const put = (...at) => camera.position.set(...at);
+    const at = () => camera.getWorldPosition(new THREE.Vector3()).toArray();
+    const world = (p) => film.localToWorld(new THREE.Vector3(...p))
+        .toArray();""", "playcanvas": """
+    const put = (...at) => camera.setPosition(...at);
+    const at = () => Array.from(camera.getPosition().toArray());
+    const world = (p) => Array.from(film.entity.getWorldTransform()
+        .transformPoint(new pc.Vec3(...p)).toArray());"""}
+
+
+def check_hold(tab, name):
+    off = tab.run("""(() => {
+        %s
+        const pivot = [1, 2, 3], eye = [1.3, 2.9, 2];
+        const mixed = (a, b, t) => a.map((x, i) => x + t * (b[i] - x));
+        const far = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+        const told = [];
+
+        view.viewingVolume = { pivot, up: [0, 0, 1], front: [1, 0, 0],
+            azimuth: Math.PI, elevation: [-Math.PI / 2, Math.PI / 2],
+            turn: Math.PI, distance: [0, far(pivot, eye)] };
+        for (const [t, want] of [[2, 1], [0.5, 0.5]]) {
+            put(...world(mixed(pivot, eye, t)));
+            film.holdCamera(camera);
+            told.push(far(at(), world(mixed(pivot, eye, want))));
+        }
+        view.viewingVolume = null;
+        return told;
+    })()""" % HOLD[name])
+    if max(off) > 1e-5:
+        complain("held cameras are off by", off)
+    verdict(name + " hold")
 
 
 def check_late(tab, name):
@@ -466,8 +543,10 @@ def check_engine(name):
         check_late(tab, name)
         check_composer(tab, name)
         if name == "three":
-            check_logarithmic(tab, name)
+            check_buffers(tab)
+            check_unsized(tab)
         check_placed(tab, name)
+        check_hold(tab, name)
         if "SAGA_TEST_LONG" in os.environ:
             begin("&%s=1" % OWN[name])
             check_gaussians(tab, OWN[name])
