@@ -7,6 +7,11 @@ files that are cut and joined,
               agree
   formats     PLY, SPZ and GLB hold the same splats; SPZ within its quantisation
               steps
+  moving      FTGS PLY of the demo: each splat's line is nearest to the
+              decoder's positions of all frames, weighted by opacity, and its
+              opacity is the decoder's if it stays below 1; the independent
+              renderer draws frames at most 3 dB worse than from a PLY each;
+              films of several segments and single frames are refused
   programs    @playcanvas/splat-transform reads the same splats from SPZ,
               compressed PLY and SOG, within their steps; skipped without npm
   outputs     the requested frames are written, either completely or not at all;
@@ -39,6 +44,7 @@ import functools
 import math
 import os
 import re
+import shutil
 import json
 import struct
 import subprocess
@@ -46,8 +52,10 @@ import sys
 import tempfile
 
 import splats
-from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, read
+from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, python_module, read
 import npm  # noqa: E402  (verdict knows where)
+
+decoder = python_module()
 
 SCENE = "vectors/good/segments.saga"
 # The first frame of each segment of the vector, as tests/support/gen_stream.c
@@ -297,16 +305,20 @@ def small_camera(index, scale):
     return c
 
 
-def drawn(path, camera, index, frame):
-    """Returns the PSNR of a PLY, drawn by the independent renderer, against our
-    picture."""
+def shown(camera, index, frame, out):
+    """Returns the samples of our picture."""
     size = "%dx%d" % (camera["width"], camera["height"])
-    out = os.path.dirname(path) + "/want.ppm"
     saga("render", DEMO, "--camera", index, "--frame", frame, "--size", size,
          "-o", out.replace("ppm", "png"))
     subprocess.run(["ffmpeg", "-v", "error", "-y", "-i",
                     out.replace("ppm", "png"), out], check=True)
-    pixels = re.sub(rb"^P6\n\d+ \d+\n255\n", b"", read(out), count=1)
+    return re.sub(rb"^P6\n\d+ \d+\n255\n", b"", read(out), count=1)
+
+
+def drawn(path, camera, index, frame):
+    """Returns the PSNR of a PLY, drawn by the independent renderer, against our
+    picture."""
+    pixels = shown(camera, index, frame, os.path.dirname(path) + "/want.ppm")
     picture = splats.draw(splats.read_ply(path), camera, [0, 0, 0], 0.1)
     return splats.psnr(picture, pixels)
 
@@ -360,6 +372,73 @@ def compare(a, b, name, bounds):
 def export(out, frame=12, *options):
     saga("export", DEMO, "-o", out, "--frame", frame, *options)
     return out
+
+
+def animated():
+    """Returns opacity and position of each primitive that the demo draws, in
+    each frame, as the decoder has them."""
+    film, one = decoder.open(DEMO), decoder._Animated()
+    unit, centre = film.info.metres_per_unit, film.info.centre_metres
+    told = []
+    for i in range(film.info.max_primitives):
+        told.append([])
+        for frame in range(film.info.n_frames):
+            if decoder._lib().saga_primitive_at(
+                    decoder.ctypes.byref(one), film._dec, i,
+                    film._seek(frame)):
+                complain("no primitive", i)
+            q0 = one.q0_q20 / 2 ** 20
+            told[-1].append((2 ** (3 - q0) if q0 < 11 else 0,
+                             [c + unit * x for c, x in zip(centre, one.x)]))
+    return [p for p in told if any(o for o, _ in p)]
+
+
+def check_moving(tmp):
+    out = tmp + "/demo.ftgs.ply"
+    told = saga("export", DEMO, "-o", out)
+    at, truth = splats.read_moving(out), animated()
+    frames, peaks = range(len(truth[0])), splats.read_ply(out)
+    moved = [at(f) for f in frames]
+    if len(moved[0]) != len(truth):
+        complain(len(moved[0]), "splats, not", len(truth))
+    worst, square, weight = [0.0, 0.0, 0.0], 0.0, 0.0
+    for i, p in enumerate(truth):
+        w = [min(o, 1) for o, _ in p]
+        if peaks[i]["opacity"] < 0.99:
+            worst[0] = max(worst[0], *(abs(moved[f][i]["opacity"] - w[f])
+                                       for f in frames if w[f]))
+        # Where the sum of squares is least, its derivatives are 0.
+        for k in range(3):
+            off = [moved[f][i]["mean"][k] - p[f][1][k] for f in frames]
+            square += sum(a * d * d for a, d in zip(w, off))
+            worst[1] = max(worst[1], abs(sum(a * d for a, d in zip(w, off))))
+            worst[2] = max(worst[2], abs(sum(f * a * d for f, a, d in
+                                             zip(frames, w, off))))
+        weight += sum(w)
+    if worst[0] > 0.002 or worst[1] > 1e-4 or worst[2] > 1e-3:
+        complain("opacities, lines are off by", worst)
+    says = re.search(r"24 frames, (\d+) splats; as lines, off by (\S+) units",
+                     told)
+    if not says or int(says[1]) != len(truth) or \
+            abs(float(says[2]) - math.sqrt(square / weight)) > 1e-4:
+        complain("off by", math.sqrt(square / weight), "it says", told)
+    camera = small_camera(3, 4)
+    saga("export", DEMO, "-o", tmp + "/each/%d.ply")
+    for frame in 0, 7, 23:
+        sound = [s for s in moved[frame] if s["opacity"] > 1 / 256]
+        each = splats.read_ply(tmp + "/each/%d.ply" % frame)
+        pixels = shown(camera, 3, frame, tmp + "/want.ppm")
+        got, most = (splats.psnr(splats.draw(s, camera, [0, 0, 0], 0.1), pixels)
+                     for s in (sound, each))
+        print("     frame %d: %.1f dB, %.1f of its own" % (frame, got, most))
+        if not got > most - 3:
+            complain("frame", frame, "is drawn at", got, "dB, not", most)
+    saga("export", SCENE, "-o", tmp + "/no.ftgs.ply", status=1,
+         says="has 3 segments, of which a file of moving splats holds one; "
+         "`saga cut` takes one of them out")
+    saga("export", DEMO, "-o", out, "--frame", "3", status=2,
+         says="one file holds all frames")
+    verdict("moving")
 
 
 def check_formats(tmp):
@@ -510,9 +589,13 @@ def ball(n, shift=0.0):
     return rows
 
 
-def ply(rows, names=COLUMNS):
-    head = "ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % \
-        len(rows)
+MOTION = ["time", "log_duration"] + ["velocity_%d" % k for k in range(3)]
+
+
+def ply(rows, names=COLUMNS, notes=()):
+    head = "ply\nformat binary_little_endian 1.0\n"
+    head += "".join("comment %s\n" % note for note in notes)
+    head += "element vertex %d\n" % len(rows)
     head += "".join("property float %s\n" % name for name in names)
     return (head + "end_header\n").encode() + \
         b"".join(struct.pack("<%df" % len(row), *row) for row in rows)
@@ -551,7 +634,27 @@ def check_import(tmp):
     if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
         complain("the sequence has", info["n_frames"], "frames at",
                  info["frames_per_second"])
+    check_import_moving(tmp)
     check_import_refused(tmp)
+
+
+def check_import_moving(tmp):
+    out, rows = tmp + "/moves.saga", ball(40)
+    moves = write(tmp + "/moves.ftgs.ply", ply(
+        [row + [i % 5 / 4, 0.5, 0.5, -1, i % 3] for i, row in enumerate(rows)],
+        COLUMNS + MOTION,
+        ["ftgs_version 1", "time_units normalized", "n_frames 3"]))
+    saga("import", moves, "-o", out, "--size", "32x32", "--primitives", "40",
+         "--iterations", "20", "--fps", "12")
+    info = json.loads(saga("info", out, "--json"))
+    if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
+        complain("moving splats give", info["n_frames"], "frames at",
+                 info["frames_per_second"])
+    os.mkdir(tmp + "/moves")
+    for f in range(2):
+        shutil.copy(moves, tmp + "/moves/%d.ply" % f)
+    saga("import", tmp + "/moves", "-o", out, "--size", "32x32", status=1,
+         says="has splats that move, in a folder of frames")
 
 
 def check_import_refused(tmp):
@@ -564,11 +667,15 @@ def check_import_refused(tmp):
             (ply([r + [0.0] * 5 for r in rows],
                  COLUMNS + ["f_rest_%d" % k for k in range(5)]),
              "5 values of f_rest"),
-            (ply([r + [0.0] * 5 for r in rows], COLUMNS +
-                 ["time", "log_duration", "velocity_0", "velocity_1",
-                  "velocity_2"]),
-             "has splats that move, with their velocity_0, which is not read; "
-             "export every frame as a PLY of its own"),
+            (ply([r + [0.0] * 5 for r in rows], COLUMNS + MOTION),
+             "so that their unit of time is unknown; export every frame as a "
+             "PLY of its own"),
+            (ply([r + [0.0] * 5 for r in rows], COLUMNS + MOTION,
+                 ["time_units normalized"]),
+             "not the number of frames, 1 to 65535; write \"comment n_frames "
+             "N\" into its header"),
+            (ply([r + [0.0] for r in rows], COLUMNS + ["velocity_0"]),
+             "has splats that move, but no time"),
             (ply([[math.inf] + r[1:] for r in rows]),
              "has no splat to show: leaves out 5 of 5 splats: 5 with numbers "
              "that are not finite")):
@@ -689,6 +796,7 @@ def check_layers(tmp):
 with tempfile.TemporaryDirectory() as folder:
     check_draw(folder)
     check_formats(folder)
+    check_moving(folder)
     check_programs(folder)
     check_outputs(folder)
     check_import(folder)

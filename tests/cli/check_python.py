@@ -42,18 +42,13 @@ from fractions import Fraction
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-sys.path.insert(0, "ports/python")
-from verdict import Verdicts  # noqa: E402
+from verdict import Verdicts, python_module  # noqa: E402
 
 BUILD = os.environ.get("BUILD", "build")
 BUILD = BUILD + "/gcc" if os.path.isdir(BUILD + "/gcc") else BUILD
 SAGA = os.environ.setdefault("SAGA", BUILD + "/saga")
 SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
-os.environ["SAGA_LIBRARY"] = BUILD + "/libsaga.so.0"
-subprocess.run([os.environ.get("MAKE", "make"), "-s", "BUILD=" + BUILD,
-                "CC=gcc", *(["WERROR=-Werror"] if BUILD.endswith("/gcc")
-                            else []), "shared"], check=True)
-import saga  # noqa: E402
+saga = python_module(BUILD)
 
 v = Verdicts("python")
 MANIFEST = [line.split() for line in open("vectors/MANIFEST")

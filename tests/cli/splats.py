@@ -44,7 +44,31 @@ def read_ply(path):
             "quat": [v["rot_%d" % k] for k in range(4)],
             "scale": [math.exp(v["scale_%d" % k]) for k in range(3)],
             "opacity": sigmoid(v["opacity"]), "colour": colour})
+        if "time" in v:
+            splats[-1].update(time=v["time"], duration=math.exp(
+                v["log_duration"]), velocity=[v["velocity_%d" % k]
+                                              for k in range(3)])
     return splats
+
+
+def read_moving(path):
+    """Reads FTGS PLY, version 1. Returns a function that returns the splats of
+    a frame."""
+    notes = dict(line.split()[1:] for line in
+                 read(path).split(b"end_header")[0].decode().split("\n")
+                 if line.startswith("comment "))
+    assert notes["ftgs_version"] == "1" and notes["use_velocity"] == "1"
+    assert notes["time_units"] == "normalized"
+    splats, n = read_ply(path), int(notes["n_frames"])
+
+    def at(frame):
+        t = frame / max(n - 1, 1)
+        return [dict(s, mean=[x + v * (t - s["time"])
+                              for x, v in zip(s["mean"], s["velocity"])],
+                     opacity=max(1e-4, s["opacity"] * math.exp(
+                         -((t - s["time"]) / s["duration"]) ** 2 / 2)))
+                for s in splats]
+    return at
 
 
 def turned(splat, axis):

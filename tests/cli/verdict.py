@@ -67,6 +67,17 @@ class Verdicts:
         return done.stdout.decode()
 
 
+def python_module(build=os.path.dirname(SAGA)):
+    """Returns ports/python, with the library of the build."""
+    os.environ["SAGA_LIBRARY"] = os.path.abspath(build + "/libsaga.so.0")
+    subprocess.run([os.environ.get("MAKE", "make"), "-s", "BUILD=" + build,
+                    "CC=gcc", *(["WERROR=-Werror"] if build.endswith("/gcc")
+                                else []), "shared"], check=True)
+    sys.path.insert(0, "ports/python")
+    import saga
+    return saga
+
+
 def read(path):
     with open(path, "rb") as f:
         return f.read()

@@ -10,7 +10,7 @@
 #include "error.h"
 #include "export_page.h"
 #include "file.h"
-#include "film_cloud.h"
+#include "film_moving.h"
 #include "model.h"
 #include "numbered.h"
 #include "output.h"
@@ -39,6 +39,7 @@ typedef struct {
     saga_film_colours colours;
     int camera;       /* number in the file; -1: none */
     bool unwritten;   /* the error is about an output */
+    double off_line;  /* of splats that move along lines, RMS */
     size_t n_splats;  /* in all frames, and of these those with scales */
     size_t beyond[2]; /* and with colours that the format clamps */
     saga_error error;
@@ -49,7 +50,11 @@ static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
     const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
     const saga_colouring how = { s->camera, s->o->degree };
 
-    if (!saga_film_cloud(cloud, &s->colours, &s->film, frame, how, &s->error))
+    if (!(saga_cloud_moves(format)
+              ? saga_film_moving(cloud, &s->off_line, &s->colours, &s->film,
+                                 how, &s->error)
+              : saga_film_cloud(cloud, &s->colours, &s->film, frame, how,
+                                &s->error)))
         return false;
     s->n_splats += cloud->n;
     for (int of = 0; of < 2; of++)
@@ -204,7 +209,11 @@ static bool write_frame(session *s)
     if (!make_cloud(&cloud, s, (uint32_t)frame))
         return false;
     ok = written(s, saga_cloud_write(o->out, &cloud, &s->error));
-    if (ok)
+    if (ok && cloud.motion)
+        saga_cli_print("%s: %" PRIu32 " frames, %zu splats; as lines, off by "
+                       "%.3g units (RMS)",
+                       o->out, cloud.n_frames, cloud.n, s->off_line);
+    else if (ok)
         saga_cli_print("%s: frame %d, %zu splats", o->out, frame, cloud.n);
     saga_cloud_free(&cloud);
     return ok;
@@ -339,6 +348,14 @@ static int check_options(const options *o)
                               "belongs to no splat format; use one of %s, or "
                               ".html for a page",
                               o->out, known);
+    if (saga_cloud_moves(saga_cloud_format_of(o->out)) &&
+        (saga_is_numbered(o->out) || o->frame >= 0 || o->frames.a ||
+         o->frames.b))
+        return saga_cli_error(SAGA_EXIT_USAGE,
+                              "export: %s: one file holds all frames; leave "
+                              "out %%d, --frame and --frames. `saga cut` makes "
+                              "a shorter film",
+                              o->out);
     if (saga_is_numbered(o->out) ? o->frame >= 0 : o->frames.a || o->frames.b)
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "export: --frame N is for a "
@@ -422,6 +439,10 @@ const saga_command saga_command_export = {
     "turn around x, glTF around z. A splat has the opacity that it has at the\n"
     "frame's time; splats below 1/256, which the decoder does not draw, are\n"
     "left out.\n"
+    "\n"
+    "FTGS PLY holds a film of one segment, as FreeTimeGS's splats: each moves\n"
+    "along a line, without turning, and fades as a normal distribution of\n"
+    "time. The file does not say how many frames a second has.\n"
     "\n"
     "  saga export scene.saga -o scene.glb --frame 12\n"
     "  saga export scene.saga -o frames/scene_%04d.spz\n"

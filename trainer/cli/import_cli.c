@@ -45,8 +45,9 @@ typedef struct {
 typedef struct {
     const options *o;
     const char *splats; /* a file, or a folder of a sequence */
-    char **path;        /* (n_frames) */
-    int n_frames;
+    char **path;        /* (n_paths) */
+    int n_paths;
+    int n_frames;           /* as many, or those of a file of moving splats */
     saga_cloud first;       /* splats of the first frame */
     saga_cloud_facts facts; /* what was not as it should be, in all frames */
     saga_import_cameras cameras;
@@ -62,14 +63,14 @@ typedef struct {
 
 static bool add_file(session *s, const char *folder, const char *name)
 {
-    char **const path = saga_realloc(s->path, (size_t)s->n_frames + 1,
+    char **const path = saga_realloc(s->path, (size_t)s->n_paths + 1,
                                      sizeof *path, "file names", &s->error);
 
     if (!path)
         return false;
     s->path = path;
-    path[s->n_frames] = saga_path_join(folder, name, &s->error);
-    return path[s->n_frames] && ++s->n_frames;
+    path[s->n_paths] = saga_path_join(folder, name, &s->error);
+    return path[s->n_paths] && ++s->n_paths;
 }
 
 static bool is_splats(const char *name)
@@ -135,7 +136,11 @@ static uint64_t most_nbytes(const session *s)
 
 static bool read_first(session *s)
 {
-    return saga_cloud_read(&s->first, s->path[0], most_nbytes(s), &s->error);
+    if (!saga_cloud_read(&s->first, s->path[0], most_nbytes(s), &s->error))
+        return false;
+    s->n_frames = s->n_paths == 1 && s->first.n_frames ? (int)s->first.n_frames
+                                                       : s->n_paths;
+    return true;
 }
 
 /* --- What it would need -------------------------------------------------- */
@@ -274,6 +279,7 @@ static bool train(session *s)
 static bool draw(session *s)
 {
     const saga_cloud_source source = { .path = s->path,
+                                       .moves = s->n_frames != s->n_paths,
                                        .n_frames = s->n_frames,
                                        .first = &s->first,
                                        .most_nbytes = most_nbytes(s),
@@ -371,7 +377,7 @@ static void free_session(session *s)
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
     free(s->cameras.view);
-    for (int i = 0; i < s->n_frames; i++)
+    for (int i = 0; i < s->n_paths; i++)
         free(s->path[i]);
     free(s->path);
 }
@@ -492,7 +498,8 @@ const saga_command saga_command_import = {
     "then improved. A sequence is trained anew, as one segment, because files\n"
     "do not say which splats of two frames belong together. What is left out,\n"
     "clamped or read otherwise than the format says is counted in a line for\n"
-    "each kind. Files of moving splats, as .ftgs.ply, are refused.\n"
+    "each kind. A file of moving splats (FTGS PLY) is a sequence of as many\n"
+    "frames as its header says, at --fps.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

@@ -58,6 +58,7 @@ void saga_cloud_free(saga_cloud *cloud)
     free(cloud->log_scale);
     free(cloud->logit);
     free(cloud->colour);
+    free(cloud->motion);
     *cloud = (saga_cloud){ .n = 0 };
 }
 

@@ -3,7 +3,8 @@
  * A cloud holds the Gaussian splats of one moment, which is what programs for
  * Gaussian splatting exchange; it holds no networks. Lengths are in the
  * capture's units, and the axes are those of the capture's world. A splat's
- * opacity is its opacity at that moment, after any fading over time.
+ * opacity is its opacity at that moment, after any fading over time. Only
+ * saga_film_moving makes a cloud of all moments.
  */
 #ifndef SAGA_CLOUD_H
 #define SAGA_CLOUD_H
@@ -33,6 +34,10 @@ typedef struct saga_cloud {
     float *log_scale;     /* natural logarithm of the standard deviations */
     float *logit;         /* (n) opacity = 1 / (1 + exp(-logit)) */
     float *colour;        /* R, G, B of each harmonic */
+    float *motion;        /* (n, 5) time, logarithm of duration, velocity, see
+                           * film_moving.h; NULL: the splats of one moment */
+    uint32_t n_frames;    /* of a file whose splats move; 0: they do not */
+    uint32_t frame;       /* of which a reader makes the splats */
     uint64_t most_nbytes; /* memory that a reader may take; 0: any */
     saga_cloud_form form;
     saga_cloud_facts facts;

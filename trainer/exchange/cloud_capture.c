@@ -287,10 +287,14 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
     saga_cloud cloud;
     bool ok;
 
-    if (!saga_cloud_read(&cloud, s->path[number], s->most_nbytes, error))
+    if (!saga_cloud_read_frame(&cloud, s->path[s->moves ? 0 : number],
+                               (uint32_t)number, s->most_nbytes, error))
         return false;
     saga_cloud_facts_add(s->facts, &cloud.facts);
-    ok = take_frame(c, canvas, &cloud, s, number, error);
+    ok = (s->moves || !cloud.n_frames ||
+          saga_fail(error, s->path[number], "give one such file alone",
+                    "has splats that move, in a folder of frames")) &&
+         take_frame(c, canvas, &cloud, s, number, error);
     saga_cloud_free(&cloud);
     return ok;
 }

@@ -13,7 +13,8 @@
 
 /* The splats, and the cameras for which they are drawn. */
 typedef struct saga_cloud_source {
-    char **path;             /* (n_frames) */
+    char **path; /* (n_frames); one if the splats move */
+    bool moves;
     const saga_cloud *first; /* the splats of frame 0, read before */
     uint64_t most_nbytes;    /* memory for pictures, and for reading a file */
     saga_cloud_facts *facts; /* what reading the other frames tells is added */

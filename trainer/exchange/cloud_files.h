@@ -47,6 +47,9 @@ const saga_cloud_format *saga_cloud_format_at(int i);
 /* Returns the format whose suffix the name has, or NULL. */
 const saga_cloud_format *saga_cloud_format_of(const char *name);
 
+/* Tells whether a file of the format holds the splats of all frames. */
+bool saga_cloud_moves(const saga_cloud_format *format);
+
 /* Writes the suffixes of all formats, separated by commas, for messages. */
 enum { SAGA_SUFFIXES_NBYTES = 128 };
 void saga_cloud_suffixes(char text[SAGA_SUFFIXES_NBYTES]);
@@ -61,6 +64,11 @@ bool saga_cloud_write(const char *path, saga_cloud *cloud, saga_error *error);
  * take most_nbytes of memory; 0: any. */
 bool saga_cloud_read(saga_cloud *cloud, const char *path, uint64_t most_nbytes,
                      saga_error *error);
+
+/* The same for `frame` of a file whose splats move (cloud->n_frames); that of
+ * saga_cloud_read is 0. Splats that are not seen in it are left out. */
+bool saga_cloud_read_frame(saga_cloud *cloud, const char *path, uint32_t frame,
+                           uint64_t most_nbytes, saga_error *error);
 
 /* Removes splats with numbers that are not finite or are very large, rows of
  * zeros, and splats too faint to be drawn; converts scales and opacities to

@@ -4,14 +4,16 @@
 #include <string.h>
 #include <sys/stat.h>
 
-extern const saga_cloud_format saga_packed_format, saga_ply_format,
-    saga_spz4_format, saga_spz_format, saga_glb_format, saga_sog_format;
+extern const saga_cloud_format saga_packed_format, saga_moving_ply_format,
+    saga_ply_format, saga_spz4_format, saga_spz_format, saga_glb_format,
+    saga_sog_format;
 
 /* The first matching format is taken. A format whose files look like another's
  * therefore comes before it, and so does a longer suffix. */
 static const saga_cloud_format *const formats[] = {
-    &saga_packed_format, &saga_ply_format, &saga_spz4_format,
-    &saga_spz_format,    &saga_glb_format, &saga_sog_format
+    &saga_packed_format, &saga_moving_ply_format, &saga_ply_format,
+    &saga_spz4_format,   &saga_spz_format,        &saga_glb_format,
+    &saga_sog_format
 };
 
 enum { N_FORMATS = sizeof formats / sizeof formats[0] };
@@ -27,6 +29,11 @@ const saga_cloud_format *saga_cloud_format_of(const char *name)
         if (saga_has_suffix(name, formats[i]->suffix))
             return formats[i];
     return NULL;
+}
+
+bool saga_cloud_moves(const saga_cloud_format *format)
+{
+    return format == &saga_moving_ply_format;
 }
 
 void saga_cloud_suffixes(char text[SAGA_SUFFIXES_NBYTES])
@@ -83,10 +90,16 @@ static bool read_bytes(saga_bytes *bytes, const char *path, uint64_t most,
 bool saga_cloud_read(saga_cloud *cloud, const char *path, uint64_t most_nbytes,
                      saga_error *error)
 {
+    return saga_cloud_read_frame(cloud, path, 0, most_nbytes, error);
+}
+
+bool saga_cloud_read_frame(saga_cloud *cloud, const char *path, uint32_t frame,
+                           uint64_t most_nbytes, saga_error *error)
+{
     saga_bytes bytes;
     bool ok;
 
-    *cloud = (saga_cloud){ .n = 0 };
+    *cloud = (saga_cloud){ .frame = frame };
     if (!read_bytes(&bytes, path, most_nbytes, error))
         return false;
     /* Its splats have what the file leaves; at least a byte, because 0 means

@@ -2,6 +2,10 @@
  *
  * PLY has the layout of the first Gaussian splatting: x y z nx ny nz f_dc
  * f_rest opacity scale rot, all floats; normals are zeros. It is exact.
+ *
+ * "FTGS PLY, version 1" (.ftgs.ply), the layout of FreeTimeGS's splats, adds
+ * time, log_duration and velocity, for which the film lasts from 0 to 1: frame
+ * i of n is at i / max(n - 1, 1).
  */
 #include "cloud_files.h"
 
@@ -9,18 +13,36 @@
 #include "ply.h"
 #include "put.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_FLOATS = 14 + 3 * SAGA_MAX_HARMONICS };
+/* `saga import` takes as many files as frames. */
+enum { N_MOTION = 5, MOST_FRAMES = 65535 };
+enum { MOST_FLOATS = 14 + 3 * SAGA_MAX_HARMONICS + N_MOTION };
+
+static void write_notes(FILE *f, const saga_cloud *cloud)
+{
+    fprintf(f,
+            "comment ftgs_version 1\ncomment time_units normalized\n"
+            "comment sh_degree %d\ncomment use_velocity 1\n"
+            "comment opacity_floor 0.0001\ncomment n_frames %" PRIu32 "\n",
+            cloud->degree, cloud->n_frames);
+}
 
 static void write_header(FILE *f, const saga_cloud *cloud)
 {
+    static const char *const motion[N_MOTION] = { "time", "log_duration",
+                                                  "velocity_0", "velocity_1",
+                                                  "velocity_2" };
     const int n_rest = 3 * (saga_n_harmonics(cloud->degree) - 1);
 
+    fputs("ply\nformat binary_little_endian 1.0\n", f);
+    if (cloud->motion)
+        write_notes(f, cloud);
     fprintf(f,
-            "ply\nformat binary_little_endian 1.0\nelement vertex %zu\n"
+            "element vertex %zu\n"
             "property float x\nproperty float y\nproperty float z\n"
             "property float nx\nproperty float ny\nproperty float nz\n",
             cloud->n);
@@ -33,6 +55,8 @@ static void write_header(FILE *f, const saga_cloud *cloud)
         fprintf(f, "property float scale_%d\n", k);
     for (int k = 0; k < 4; k++)
         fprintf(f, "property float rot_%d\n", k);
+    for (int k = 0; cloud->motion && k < N_MOTION; k++)
+        fprintf(f, "property float %s\n", motion[k]);
     fputs("end_header\n", f);
 }
 
@@ -60,6 +84,8 @@ static size_t put_splat(uint8_t *record, const saga_cloud *cloud, size_t i)
     saga_put_f32(&at, cloud->logit[i]);
     put_all(&at, cloud->log_scale + 3 * i, 3);
     put_all(&at, cloud->quat + 4 * i, 4);
+    if (cloud->motion)
+        put_all(&at, cloud->motion + N_MOTION * i, N_MOTION);
     return (size_t)(at - record);
 }
 
@@ -92,8 +118,10 @@ enum {
     ROT = SCALE + 3,
     REST = ROT + 4,
     MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1),
-    MOVES = REST + MOST_REST, /* only files of moving splats have it */
-    N_COLUMNS
+    TIME = REST + MOST_REST, /* these only files of moving splats have */
+    LOG_DURATION,
+    VELOCITY,
+    N_COLUMNS = VELOCITY + 3
 };
 
 /* Sets the names of the columns above. */
@@ -105,13 +133,15 @@ static void name_columns(char text[N_COLUMNS][16], const char *name[N_COLUMNS])
     } numbered[] = { { "f_dc_", DC, 3 },
                      { "scale_", SCALE, 3 },
                      { "rot_", ROT, 4 },
-                     { "f_rest_", REST, MOST_REST } };
+                     { "f_rest_", REST, MOST_REST },
+                     { "velocity_", VELOCITY, 3 } };
 
     (void)snprintf(text[X], sizeof text[X], "x");
     (void)snprintf(text[Y], sizeof text[Y], "y");
     (void)snprintf(text[Z], sizeof text[Z], "z");
     (void)snprintf(text[OPACITY], sizeof text[OPACITY], "opacity");
-    (void)snprintf(text[MOVES], sizeof text[MOVES], "velocity_0");
+    (void)snprintf(text[TIME], sizeof text[TIME], "time");
+    (void)snprintf(text[LOG_DURATION], sizeof text[0], "log_duration");
     for (size_t k = 0; k < sizeof numbered / sizeof numbered[0]; k++)
         for (int i = 0; i < numbered[k].n; i++)
             (void)snprintf(text[numbered[k].first + i], sizeof text[0], "%s%d",
@@ -140,15 +170,66 @@ static bool find_degree(int *degree, const saga_ply *ply, saga_error *error)
                                      n);
 }
 
-/* FreeTimeGS writes the splats of all times into one PLY (.ftgs.ply), each with
- * a time and a velocity. Together they are the cloud of no moment. */
-static bool is_moment(const saga_ply *ply, saga_error *error)
+/* What the comments of a file of moving splats say. */
+typedef struct {
+    unsigned n_frames, use_velocity;
+    bool normalized;
+} notes;
+
+static void read_notes(notes *to, const saga_bytes *bytes)
 {
-    return ply->field[MOVES] < 0 ||
-           saga_fail(error, ply->path,
-                     "export every frame as a PLY of its own, into one folder",
-                     "has splats that move, with their %s, which is not read",
-                     ply->names[MOVES]);
+    saga_cursor c = { bytes->data, bytes->data + bytes->nbytes, false };
+    char line[128];
+
+    *to = (notes){ .use_velocity = 1 };
+    while (saga_take_line(&c, line, sizeof line) &&
+           strcmp(line, "end_header") != 0) {
+        (void)sscanf(line, "comment n_frames %u", &to->n_frames);
+        (void)sscanf(line, "comment use_velocity %u", &to->use_velocity);
+        to->normalized |= !strcmp(line, "comment time_units normalized");
+    }
+}
+
+/* Finds the moment of a file of moving splats; such a file has a velocity_0. */
+static bool find_moment(notes *to, const saga_ply *ply, const saga_bytes *bytes,
+                        saga_error *error)
+{
+    static const char remedy[] = "export every frame as a PLY of its own, into "
+                                 "one folder";
+
+    read_notes(to, bytes);
+    for (int i = TIME; i < N_COLUMNS; i++)
+        if (ply->field[i] < 0)
+            return saga_fail(error, ply->path, remedy,
+                             "has splats that move, but no %s", ply->names[i]);
+    if (!to->normalized)
+        return saga_fail(error, ply->path, remedy,
+                         "has splats that move, without the comment "
+                         "\"time_units normalized\", so that their unit of "
+                         "time is unknown");
+    if (to->n_frames < 1 || to->n_frames > MOST_FRAMES)
+        return saga_fail(error, ply->path,
+                         "write \"comment n_frames N\" into its header",
+                         "has splats that move, but not the number of frames, "
+                         "1 to %d",
+                         MOST_FRAMES);
+    return true;
+}
+
+/* Moves and fades a splat; returns whether it is seen at the moment. Opacities
+ * that FreeTimeGS raises to 1e-4 are not. */
+static bool animate(float *row, uint32_t frame, const notes *about)
+{
+    const double t = about->n_frames > 1 ? frame / (about->n_frames - 1.0) : 0;
+    const double since = t - (double)row[TIME];
+    const double u = since / exp((double)row[LOG_DURATION]);
+    const double opacity = exp(-0.5 * u * u) /
+                           (1.0 + exp(-(double)row[OPACITY]));
+
+    for (int k = 0; k < 3 && about->use_velocity; k++)
+        row[X + k] = (float)(row[X + k] + row[VELOCITY + k] * since);
+    row[OPACITY] = saga_cloud_logit(opacity);
+    return !(opacity < 1.0 / 256);
 }
 
 static void take_splat(saga_cloud *cloud, size_t i, const float *row)
@@ -174,19 +255,25 @@ static bool read_ply(saga_cloud *cloud, const saga_bytes *bytes,
     const char *name[N_COLUMNS];
     saga_ply ply = { .path = path, .names = name, .n_fields = N_COLUMNS };
     float row[N_COLUMNS];
+    const uint32_t frame = cloud->frame;
+    notes about = { 0 };
     int degree;
+    size_t n = 0;
     bool ok;
 
     name_columns(text, name);
     ok = saga_ply_open(&ply, bytes, error) &&
-         find_degree(&degree, &ply, error) && is_moment(&ply, error) &&
+         find_degree(&degree, &ply, error) &&
+         (ply.field[VELOCITY] < 0 || find_moment(&about, &ply, bytes, error)) &&
          saga_cloud_admit(cloud, (size_t)ply.count, degree, path, error);
-    for (size_t i = 0; i < cloud->n && ok; i++) {
+    for (uint64_t i = 0; i < ply.count && ok; i++) {
         ok = saga_ply_next(row, &ply, i, error);
-        if (ok)
-            take_splat(cloud, i, row);
+        if (ok && (!about.n_frames || animate(row, frame, &about)))
+            take_splat(cloud, n++, row);
     }
-    cloud->form = SAGA_FORM_LOG;
+    cloud->n = n;
+    cloud->n_frames = about.n_frames;
+    cloud->form = about.n_frames ? SAGA_FORM_SURE : SAGA_FORM_LOG;
     if (!ok)
         saga_cloud_free(cloud);
     return ok;
@@ -205,3 +292,21 @@ const saga_cloud_format saga_ply_format = { "PLY",
                                             read_ply,
                                             write_ply,
                                             { .log_scale = { 0 } } };
+
+static bool is_never(const saga_bytes *bytes)
+{
+    (void)bytes;
+    return false;
+}
+
+/* Files of both kinds are recognised and read as PLY. */
+const saga_cloud_format saga_moving_ply_format = {
+    "FTGS PLY",
+    ".ftgs.ply",
+    "a film of one segment in one file: splats that move along lines and fade, "
+    "as FreeTimeGS has them",
+    is_never,
+    read_ply,
+    write_ply,
+    { .log_scale = { 0 } }
+};

@@ -254,9 +254,8 @@ static bool fill_colours(saga_film_colours *colours, fit *f, uint32_t n,
     return true;
 }
 
-/* Makes the colours of the segment that the film has decoded. */
-static bool make_colours(saga_film_colours *colours, saga_film *film,
-                         uint32_t n, saga_colouring how, saga_error *error)
+bool saga_film_colour(saga_film_colours *colours, saga_film *film, uint32_t n,
+                      saga_colouring how, saga_error *error)
 {
     fit f = { .film = film, .how = how };
     bool ok;
@@ -280,7 +279,7 @@ static bool make_colours(saga_film_colours *colours, saga_film *film,
 
 /* --- Splats -------------------------------------------------------------- */
 
-static void set_quat(float q[4], const int32_t v[4])
+void saga_film_quat(float q[4], const int32_t v[4])
 {
     double n = 0.0;
 
@@ -290,29 +289,25 @@ static void set_quat(float q[4], const int32_t v[4])
         q[k] = n > 0.0 ? (float)(v[k] / sqrt(n)) : k == 0;
 }
 
-/* Returns the logit of an opacity. A fully opaque primitive has no finite
- * logit; it is given half a quantisation step of q. */
-static float logit_of(int32_t q0_q20)
+float saga_film_logit(double q0)
 {
-    /* With p = 2^-q the opacity, logit p = -ln(1/p - 1) = -ln(2^q - 1). */
-    const double q = fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
+    /* With p = 2^-q the opacity, logit p = -ln(1/p - 1) = -ln(2^q - 1). A fully
+     * opaque primitive has no finite logit; it gets half a step of q. */
+    const double q = fmax(q0 - SAGA_PEAK_LOG2, 0.5 / 1048576.0);
 
     return (float)-log(expm1(q * LN2));
 }
 
-/* Other viewers know only Gaussians, without the codec's flat tops (where the
- * opacity is cut at 1) and steep falloff. Each primitive becomes a Gaussian
- * that covers the same area of a picture. Returns the natural logarithm of its
- * widening.
+/* A Gaussian of the same area replaces the primitive.
  *
  * With s = log2(e) r^2 / 2, a Gaussian exp(-r^2 / 2) is 2^-s, and its integral
  * over s is 1 / ln 2. The profile P 2^-s cut at 1 adds log2 P to the integral.
  * The steep profile P 2^-(s + s^2/2) falls to 1 at s = u - 1; its integral is u
  * - 1 plus that of the tail. */
-static double widening(int32_t q0_q20, uint32_t tools)
+double saga_film_widening(double q0, uint32_t tools)
 {
     /* `peak` is log2 P, and 0 for a P of 1 or less. */
-    const double peak = fmax(SAGA_PEAK_LOG2 - q0_q20 / 1048576.0, 0.0);
+    const double peak = fmax(SAGA_PEAK_LOG2 - q0, 0.0);
     const double u = sqrt(1.0 + 2.0 * peak);
 
     /* The area grows by the factor 1 + ln 2 log2 P, each axis by its square
@@ -333,7 +328,8 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
     const size_t i = cloud->n++;
     const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);
     const saga_metric *const metric = &film->metric;
-    const double wider = widening(a->q0_q20, film->info.tools);
+    const double q0 = a->q0_q20 / 1048576.0;
+    const double wider = saga_film_widening(q0, film->info.tools);
 
     /* Positions in box units become the capture's units; log2 scales in Q10
      * become natural logarithms. */
@@ -344,8 +340,8 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
                                                   LN2 +
                                               log(metric->unit) + wider);
     }
-    set_quat(cloud->quat + 4 * i, a->quat);
-    cloud->logit[i] = logit_of(a->q0_q20);
+    saga_film_quat(cloud->quat + 4 * i, a->quat);
+    cloud->logit[i] = saga_film_logit(q0);
     memcpy(cloud->colour + each * i, colour, each * sizeof *colour);
 }
 
@@ -361,7 +357,7 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
     if (!saga_film_seek(film, frame, 1, &t, error))
         return false;
     (void)saga_tell(&report, film->dec);
-    if (!make_colours(colours, film, report.n_primitives, how, error) ||
+    if (!saga_film_colour(colours, film, report.n_primitives, how, error) ||
         !saga_cloud_alloc(cloud, report.n_primitives, colours->degree, error))
         return false;
     each = 3 * (size_t)saga_n_harmonics(cloud->degree);

@@ -40,4 +40,21 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
                      saga_film *film, uint32_t frame, saga_colouring how,
                      saga_error *error);
 
+/* Makes the colours of the n primitives of the segment that the film has
+ * decoded, unless `colours` has them. */
+bool saga_film_colour(saga_film_colours *colours, saga_film *film, uint32_t n,
+                      saga_colouring how, saga_error *error);
+
+/* Returns the natural logarithm of a splat's widening. Other viewers know only
+ * Gaussians, without the codec's flat tops (where the opacity is cut at 1) and
+ * steep falloff. Each primitive becomes a Gaussian that covers the same area of
+ * a picture. q0 is that of saga_animated. */
+double saga_film_widening(double q0, uint32_t tools);
+
+/* Returns the finite logit of the opacity that q0 means, at most 1. */
+float saga_film_logit(double q0);
+
+/* Makes a quaternion of saga_animated a unit quaternion. */
+void saga_film_quat(float q[4], const int32_t v[4]);
+
 #endif
