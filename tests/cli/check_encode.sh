@@ -238,7 +238,9 @@ while kill -0 $pid 2>/dev/null && [ ! -f e.saga.ckpt ]; do sleep 0.01; done
 grep -q '^1500,' e.csv && complain "the first checkpoint: $(tail -n 1 e.csv)"
 kill -KILL $pid
 wait $pid 2>/dev/null
+touch e.saga.ckpt.finish # of the page's button
 expect 0 cap -o e.saga --resume --finish
+[ ! -e e.saga.ckpt.finish ] || complain "the request that was answered remains"
 "$saga" eval e.saga cap --json >out 2>err
 python3 -c '
 import json

@@ -492,8 +492,12 @@ int saga_encode_open(saga_encode_session *s)
         status = check_checkpoint(s);
     if (status || s->finished)
         return status;
+    /* The names are set, so that the request that this answers goes. */
     if (s->o->finish)
-        return saga_encode_write_early(s);
+        return saga_follow_names(&s->progress.follow, s->checkpoint, &s->error)
+                   ? saga_encode_write_early(s)
+                   : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
+                                    s->error.message);
     status = saga_cli_open_device(&s->gpu, s->o->device, "encode");
     if (!status)
         status = saga_encode_synchronise(s);
