@@ -2,11 +2,13 @@
  *
  * Training, packing and evaluation when memory runs out. Every allocation of
  * each iteration of each stage fails once, in the smallest scene that has all
- * tools and all sources.
+ * tools and all sources. So does each that finds a film's viewing volume.
  */
 #include "capture_files.h"
 #include "evaluate.h"
 #include "failing_heap.h"
+#include "file.h"
+#include "film_volume.h"
 #include "synth_capture.h"
 #include "testing.h"
 #include "train.h"
@@ -184,6 +186,28 @@ TEST_IN_FOLDER(evaluation_should_be_refused_when_memory_ends)
     assert_true(heap_fail_each(evaluate, &s, stride()) > 90);
     saga_train_free(s.train);
     saga_capture_free(&s.capture);
+}
+
+/* A file whose volume is not found for want of memory says so. */
+static bool add_volume(void *user, saga_error *error)
+{
+    static const uint16_t unknown[2] = { 0, 0 };
+    saga_bytes film = { NULL, 0 };
+    saga_error none = { "" };
+    const bool ok = saga_read_file(&film, user, error) &&
+                    saga_volume_add(&film, "x.saga", unknown, &none, error);
+
+    saga_bytes_free(&film);
+    if (saga_failed(&none))
+        *error = none;
+    return ok && !saga_failed(&none);
+}
+
+TEST(lack_of_memory_should_be_told_when_a_volume_is_not_found)
+{
+    char film[] = "vectors/good/exposures.saga";
+
+    assert_true(heap_fail_each(add_volume, film, 1) > 5);
 }
 
 int main(void)

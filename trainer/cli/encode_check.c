@@ -9,7 +9,6 @@
 #include "alloc.h"
 #include "cli.h"
 #include "file.h"
-#include "film_volume.h"
 #include "metrics.h"
 #include "splice.h"
 
@@ -314,7 +313,7 @@ static bool add_volume(saga_encode_session *s, saga_bytes *bytes)
     if (s->o->only >= 0)
         return true;
     saga_layout_free(&s->result.layout);
-    return saga_volume_add(bytes, s->o->output, quality, &s->error) &&
+    return saga_encode_add_volume(s, bytes, quality) &&
            saga_output_write(s->o->output, bytes->data, bytes->nbytes,
                              &s->error) &&
            saga_layout_read(&s->result.layout, s->o->output, bytes->data,

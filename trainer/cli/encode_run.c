@@ -197,6 +197,19 @@ static bool write_networks(saga_encode_session *s)
     return saga_train_save_networks(s->train, s->o->output, &s->error);
 }
 
+bool saga_encode_add_volume(saga_encode_session *s, saga_bytes *film,
+                            const uint16_t quality_q8[2])
+{
+    saga_error none = { "" };
+
+    if (!saga_volume_add(film, s->o->output, quality_q8, &none, &s->error))
+        return false;
+    if (saga_failed(&none))
+        saga_cli_error(SAGA_EXIT_OK, "encode: no viewing volume: %s",
+                       none.message);
+    return true;
+}
+
 int saga_encode_write_early(saga_encode_session *s)
 {
     static const uint16_t unknown[2] = { 0, 0 }; /* nothing was measured */
@@ -211,7 +224,7 @@ int saga_encode_write_early(saga_encode_session *s)
                               "file of; leave --finish out",
                               s->checkpoint);
     ok = saga_train_peek(&now.data, &now.nbytes, s->checkpoint, &s->error) &&
-         saga_volume_add(&now, s->o->output, unknown, &s->error);
+         saga_encode_add_volume(s, &now, unknown);
     if (ok) {
         /* A file of this name may have been a part. */
         saga_part_forget(s->o->output);

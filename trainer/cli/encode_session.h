@@ -81,6 +81,10 @@ int saga_encode_load(saga_encode_session *s, int segment);
 /* Opens the capture, and plans the training or restores it. */
 int saga_encode_open(saga_encode_session *s);
 int saga_encode_train(saga_encode_session *s);
+/* Puts the viewing volume of its rig into a finished film, or says why it gets
+ * none. */
+bool saga_encode_add_volume(saga_encode_session *s, saga_bytes *film,
+                            const uint16_t quality_q8[2]);
 /* Writes what the checkpoint has so far as a file. The checkpoint is kept, and
  * the capture is not needed. */
 int saga_encode_write_early(saga_encode_session *s);

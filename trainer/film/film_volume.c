@@ -289,9 +289,9 @@ bool saga_volume_put(saga_bytes *out, const char *name, const saga_bytes *film,
 }
 
 bool saga_volume_add(saga_bytes *film, const char *name,
-                     const uint16_t quality_q8[2], saga_error *error)
+                     const uint16_t quality_q8[2], saga_error *none,
+                     saga_error *error)
 {
-    saga_error none = { "" };
     saga_film opened;
     saga_bytes whole;
     saga_volume v;
@@ -299,7 +299,7 @@ bool saga_volume_add(saga_bytes *film, const char *name,
 
     if (!saga_film_open(&opened, name, film->data, film->nbytes, 1, error))
         return false;
-    found = saga_volume_of(&v, &opened, &none);
+    found = saga_volume_of(&v, &opened, none);
     saga_film_close(&opened);
     if (!found)
         return true;

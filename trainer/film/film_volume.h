@@ -38,8 +38,9 @@ bool saga_volume_put(saga_bytes *out, const char *name, const saga_bytes *film,
                      const saga_volume *volume, saga_error *error);
 
 /* Puts the volume of its rig, with this quality, into a film, whose bytes are
- * replaced; leaves a film alone whose cameras determine none. */
+ * replaced. If none can be found, *none says why, and the film stays. */
 bool saga_volume_add(saga_bytes *film, const char *name,
-                     const uint16_t quality_q8[2], saga_error *error);
+                     const uint16_t quality_q8[2], saga_error *none,
+                     saga_error *error);
 
 #endif
