@@ -9,7 +9,7 @@
 #   encoded   `saga encode` writes a volume with the PSNR that it reports
 #   bad       a value out of its range, ends out of order, a camera that is not
 #             there, a change without -o and -o without a change give a message
-#             of one line, and no file
+#             of one line, and no file; so does a damaged volume
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 vectors=$(realpath vectors/good)
@@ -97,5 +97,14 @@ told 2 'has no camera 99' a.saga --start 99 -o x.saga
 head -c 300 a.saga >cut.saga
 told 1 'cut.saga' cut.saga --find -o x.saga
 [ ! -e x.saga ] || complain "a file was written"
+python3 - <<'E'
+a, b = (bytearray(open(f"{n}.saga", "rb").read()) for n in "ab")
+at = next(i for i in range(len(a)) if a[i] != b[i])
+a[at] ^= 1
+open("harmed.saga", "wb").write(a)
+E
+told 1 'harmed.saga: its viewing volume is damaged' harmed.saga
+told 1 'its viewing volume is damaged' harmed.saga --turn 5 -o x.saga
+[ ! -e x.saga ] || complain "a file was written for a damaged one"
 verdict bad
 exit "$failed"

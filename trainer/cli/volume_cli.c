@@ -151,6 +151,17 @@ static int rewrite(const options *o, saga_film *film, const saga_bytes *bytes,
     return status;
 }
 
+/* A damaged volume is not an absent one; nothing after it can be found. */
+static bool is_whole(const saga_film *film, saga_error *error)
+{
+    saga_volume v;
+    const saga_status s = saga_find_volume(&v, film->bytes, film->nbytes);
+
+    return s == SAGA_OK || s == SAGA_ERR_ARG ||
+           saga_fail(error, film->name, "copy the file again",
+                     "its viewing volume is damaged: %s", saga_status_text(s));
+}
+
 static int volume(const options *o, const char *name, saga_error *error)
 {
     saga_bytes bytes = { NULL, 0 };
@@ -160,8 +171,9 @@ static int volume(const options *o, const char *name, saga_error *error)
     if (!saga_read_file(&bytes, name, error))
         return SAGA_EXIT_USAGE;
     if (saga_film_open(&film, name, bytes.data, bytes.nbytes, 0, error)) {
-        status = o->out ? rewrite(o, &film, &bytes, error)
-                        : report(o, name, &bytes, &film.metric);
+        if (is_whole(&film, error))
+            status = o->out ? rewrite(o, &film, &bytes, error)
+                            : report(o, name, &bytes, &film.metric);
         saga_film_close(&film);
     }
     saga_bytes_free(&bytes);
