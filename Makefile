@@ -188,12 +188,11 @@ CORE = $(BASE) -ffreestanding $(CORE_CFLAGS)
 # _DARWIN_C_SOURCE. The compiler must not contract or reassociate its
 # floating-point operations.
 HOST = $(BASE) -D_XOPEN_SOURCE=700 -D_DARWIN_C_SOURCE -ffp-contract=off \
-       $(QR_FLAG) \
        $(if $(EXE),-D_FILE_OFFSET_BITS=64 -include ports/windows/posix.h)
 
 # Without libqrencode `saga view --host` prints an address without a code.
 QR := $(shell pkg-config --libs libqrencode 2>/dev/null)
-QR_FLAG = $(if $(QR),-DSAGA_QRENCODE)
+$(OBJ)/trainer/cli/view_code.o: QR_FLAG = $(if $(QR),-DSAGA_QRENCODE)
 
 # OpenMP is used where the compiler can link it (Debian's clang cannot without
 # libomp). Results do not depend on the number of threads.
@@ -307,7 +306,7 @@ $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(REFERENCE_H)
 	$(call say,CC)
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE) $(ISA)) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE) $(ISA) $(QR_FLAG)) -c $< -o $@
 
 define ISA_RULE
 $(OBJ)/v$(1)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
@@ -435,9 +434,10 @@ $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 	$(call say,CC)
 	$(call COMPILE,$(HOST) -Itrainer/cli) -c $< -o $@
 
-# These two files are made again only if their contents change. Every object
-# depends on `flags`, which has the compiler and its flags, and every library on
-# `sources`, which lists the source files.
+# These files are made again only if their contents change. Every object depends
+# on `flags`, which has the compiler and its flags, every library on `sources`,
+# which lists the source files, and what needs it on `qr`, which tells whether
+# libqrencode is installed.
 FLAGS   := $(CC) $(WARN) $(OPT) $(HOT_OPT) $(SAN_FLAGS) \
            $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) $(LEVEL)
 SOURCES := $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(REFERENCE_SRC) \
@@ -447,7 +447,10 @@ $(BUILD)/flags: NOW = $(FLAGS)
 $(BUILD)/flags: $(call unless,$(BUILD)/flags,$(FLAGS))
 $(BUILD)/sources: NOW = $(SOURCES)
 $(BUILD)/sources: $(call unless,$(BUILD)/sources,$(SOURCES))
-$(BUILD)/flags $(BUILD)/sources:
+$(BUILD)/qr: NOW = $(QR)
+$(BUILD)/qr: $(call unless,$(BUILD)/qr,$(QR))
+$(OBJ)/trainer/cli/view_code.o $(BUILD)/saga: $(BUILD)/qr
+$(BUILD)/flags $(BUILD)/sources $(BUILD)/qr:
 	@mkdir -p $(@D)
 	@echo '$(NOW)' >$@
 .PHONY: FORCE
@@ -467,7 +470,7 @@ $(BUILD)/saga-play$(EXE): $(OBJ)/tools/saga_play.o $(DEC_OBJ) $(LIB)
 
 $(BUILD)/saga: $(CLI_OBJ) $(EMBEDDED) $(REFERENCE) $(TRAIN) $(LIB)
 	$(call say,LINK)
-	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
+	$(LINK) $(OMP) $(filter-out %/qr,$^) $(HOST_LIBS) -o $@
 
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(call say,LINK)

@@ -15,7 +15,7 @@
               files after a random token; without the token, with another one,
               or under another name nothing is served. On a terminal the address
               is also a QR code, as libqrencode makes it (a program without it
-              draws none). Addresses of other machines, and that of all
+              draws none; make notices when it is installed). Addresses of other machines, and that of all
               networks, are refused
   port 80     it accepts a Host without a port (skipped, with a message, if the
               port is not available)
@@ -281,6 +281,26 @@ def check_code():
         complain("the code of", url, "is\n" + code)
 
 
+def compiled(*words):
+    """Returns what make would compile for the program."""
+    build = os.path.dirname(SAGA)
+    done = subprocess.run(
+        [os.environ.get("MAKE", "make"), "-n", "BUILD=" + build, "CC=gcc",
+         *(["WERROR=-Werror"] if build.endswith("/gcc") else []), SAGA, *words],
+        stdout=subprocess.PIPE, check=True, text=True,
+        env=dict(os.environ, MAKEFLAGS=""))
+    return set(re.findall(r"-c (trainer/\S+\.c)", done.stdout))
+
+
+def check_library():
+    """If libqrencode is installed or removed, the code is compiled again, and
+    nothing else."""
+    before = compiled()
+    again = compiled("QR=-lanother") - before
+    if again != {"trainer/cli/view_code.c"} - before:
+        complain("another libqrencode lets make compile", sorted(again))
+
+
 def check_host():
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
@@ -319,6 +339,7 @@ def check_host():
         refused([GOOD, "--host", host], 2, host + ": is no IPv4 address of this "
                 "machine; give one of 127.0.0.1")
     check_code()
+    check_library()
     verdict("host")
 
 
