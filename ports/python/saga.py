@@ -553,6 +553,11 @@ def crc32c(data):
     return _lib().saga_crc32c(0, data, len(data))
 
 
+# What the encoder loads and runs, in Debian 12; check_python.py compares.
+_PACKAGES = ("ffmpeg libgomp1 libjansson4 libopenexr-3-1-30 libpng16-16 "
+             "libqrencode4 libtiff6 libturbojpeg0 libwebp7 libzstd1 zlib1g")
+
+
 def _program():
     return os.environ.get("SAGA", "saga")
 
@@ -580,6 +585,9 @@ def encode(capture, output, **options):
                         ) from None
         messages.seek(0)
         said = messages.read().decode(errors="replace").strip()
+    if "error while loading shared libraries" in said:
+        raise Error(f"{said.splitlines()[-1]}; on Debian 12 install "
+                    f"{_PACKAGES}")
     if done.returncode:
         raise Error(said.splitlines()[-1] if said else
                     f"saga encode ended with {done.returncode}")

@@ -416,9 +416,10 @@ def check_encode(tmp):
         v.complain("no capture:", got)
     os.environ["SAGA"] = tmp + "/no-program"
     got = status_of(lambda: saga.encode(tmp + "/cap", tmp + "/y.saga"))
-    os.environ["SAGA"] = SAGA
     if "Install the program saga" not in str(got):
         v.complain("no program:", got)
+    check_libraries(tmp)
+    os.environ["SAGA"] = SAGA
     was = sys.modules.get("numpy")
     sys.modules["numpy"] = None      # as if it were not installed
     got = status_of(lambda: saga.open(tmp + "/x.saga").picture())
@@ -427,6 +428,31 @@ def check_encode(tmp):
         sys.modules["numpy"] = was
     if "python3-numpy" not in str(got):
         v.complain("no numpy:", got)
+
+
+def check_libraries(tmp):
+    """A program that does not find a library leads to the packages of all that
+    it links itself."""
+    os.environ["SAGA"] = tmp + "/no-library"
+    with open(tmp + "/no-library", "w") as f:
+        f.write("#!/bin/sh\necho 'saga: error while loading shared libraries: "
+                "libtiff.so.6: cannot open shared object file' >&2\nexit 127\n")
+    os.chmod(tmp + "/no-library", 0o755)
+    got = str(status_of(lambda: saga.encode(tmp + "/cap", tmp + "/y.saga")))
+    if "libtiff.so.6: cannot open" not in got or "ffmpeg" not in got:
+        v.complain("no library:", got)
+    # The packages' names are those of Debian 12.
+    if not os.path.exists("/etc/debian_version") or \
+            not open("/etc/debian_version").read().startswith("12."):
+        return
+    linked = subprocess.run(["objdump", "-p", SAGA], check=True, text=True,
+                            stdout=subprocess.PIPE).stdout
+    for name in re.findall(r"NEEDED +(\S+)", linked):
+        told = subprocess.run(["dpkg", "-S", "*/" + name], text=True,
+                              stdout=subprocess.PIPE).stdout
+        packages = set(re.findall(r"^([^:]+):", told, re.M))
+        if not packages & {*got.split(), "libc6"}:
+            v.complain("the packages of", name, "are", packages)
 
 
 def check_readme():
