@@ -313,6 +313,7 @@ many() {
     check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
+    [ "$what" != all ] || check aframe python3 tests/cli/check_aframe.py
     check types python3 tests/cli/check_types.py
     [ "$what" != all ] || check bundles python3 tests/cli/check_bundles.py
     check headset python3 tests/cli/check_headset.py

@@ -341,7 +341,8 @@ SCROLL = """(async () => {
             (gl) => gl && !gl.isContextLost())).size];
     };
     window.stand = () => seen().every(({ viewer }) => viewer.drawn &&
-        !viewer.isAsleep && !viewer.busy && !viewer.stale &&
+        !viewer.isAsleep &&
+        (viewer.playing || !viewer.busy && !viewer.stale) &&
         viewer.read().data.some((x, i, all) => i %% 4 < 3 && x !== all[i %% 4]));
     document.body.replaceChildren(...players);
 })()"""

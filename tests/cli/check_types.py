@@ -140,7 +140,9 @@ def check_names():
                     complain(name, "declares", word)
         for path, entry in json.loads(
                 read(folder + "package.json"))["exports"].items():
-            if "*" not in path and entry["types"][2:] not in modules:
+            # An entry that is only a path has no exports to be typed.
+            if "*" not in path and isinstance(entry, dict) and \
+                    entry["types"][2:] not in modules:
                 complain(port, "has no types for", path)
     if n < 100:
         complain("only", n, "names are declared")
