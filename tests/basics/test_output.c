@@ -228,6 +228,22 @@ TEST_WITH(parts_of_killed_runs_should_be_removed, NULL, clear)
     assert_holds("a", "whole");
 }
 
+/* Numbers of processes come back, at once where a container has few. */
+TEST_WITH(killed_run_of_the_same_number_should_not_be_in_the_way, NULL, clear)
+{
+    saga_error error = { "" };
+    saga_output out;
+    char part[64];
+
+    (void)snprintf(part, sizeof part, "a.saga-part-%ld-0", (long)getpid());
+    fclose(fopen(part, "w"));
+    assert_true(saga_output_open_alone(&out, "a", &error));
+    assert_true(fputs("whole", out.file) >= 0);
+    assert_true(saga_output_close(&out, true, &error));
+    assert_int_equal(count(), 1);
+    assert_holds("a", "whole");
+}
+
 /* Makes a folder output with a file in a process that then dies. */
 static void die_filling(const char *path)
 {
