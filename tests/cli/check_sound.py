@@ -7,6 +7,8 @@ in headless Chromium,
            own
   muted    the attribute, the key M, the button and the property turn it off and
            on
+  unseen   a film that is heard plays on where nobody sees it; without sound it
+           rests there
   gesture  if the browser blocks sound, the user's next gesture starts it
   clock    the sound has the picture's time: in playback, after a seek, at twice
            the rate, after loops, and if it starts before or after the first
@@ -199,6 +201,23 @@ def check_muted(tab, server):
     verdict("muted")
 
 
+def check_unseen(tab, server):
+    put(tab, server, src="/late.saga", loop="")
+    tab.run("player.canvas.focus()")
+    press(tab, " ")
+    settles(tab, "it is not heard", "!audio.paused")
+    tab.run("player.style.marginTop = '5000px'; "
+            "new Promise((resolve) => setTimeout(resolve, 500))")
+    settles(tab, "unseen it is not heard", "!audio.paused")
+    expect(tab, "unseen, but heard, it rests", "!viewer.isAsleep")
+    tab.run("player.muted = true")
+    settles(tab, "unseen and silent it goes on", "viewer.isAsleep && "
+            "viewer.worker === null && audio.paused")
+    tab.run("player.muted = false")
+    settles(tab, "heard again it rests", "!viewer.isAsleep && !audio.paused")
+    verdict("unseen")
+
+
 def check_gesture(server):
     """Checks a page on which no user has clicked, in a browser of its own."""
     tab = browser.Browser()
@@ -338,6 +357,7 @@ def main():
             return 0
         check_button(tab, server)
         check_muted(tab, server)
+        check_unseen(tab, server)
         check_gesture(server)
         check_clock(tab, server)
         check_late(tab, server)
