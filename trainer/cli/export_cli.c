@@ -419,10 +419,10 @@ static const saga_cli_option option_list[] = {
       "or by number, instead of fitting them",
       saga_cli_text, offsetof(options, camera), 0, 0 },
     { "--address", "URL",
-      "where on the web a page will be. It then has the tags from\n"
-      "which messengers and networks show a link with title and\n"
-      "picture (Open Graph); the picture, OUT with .png instead\n"
-      "of .html, has to lie beside it",
+      "where on the web a page will be. It then has the tags\n"
+      "from which messengers and networks show a link with title\n"
+      "and picture (Open Graph); the picture, OUT with .png\n"
+      "instead of .html, has to lie beside it",
       saga_cli_text, offsetof(options, address), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
