@@ -379,17 +379,16 @@ def animated():
     each frame, as the decoder has them."""
     film, one = decoder.open(DEMO), decoder._Animated()
     unit, centre = film.info.metres_per_unit, film.info.centre_metres
-    told = []
-    for i in range(film.info.max_primitives):
-        told.append([])
-        for frame in range(film.info.n_frames):
-            if decoder._lib().saga_primitive_at(
-                    decoder.ctypes.byref(one), film._dec, i,
-                    film._seek(frame)):
+    told = [[] for _ in range(film.info.max_primitives)]
+    for frame in range(film.info.n_frames):
+        t = film._seek(frame)
+        for i, p in enumerate(told):
+            if decoder._lib().saga_primitive_at(decoder.ctypes.byref(one),
+                                                film._dec, i, t):
                 complain("no primitive", i)
             q0 = one.q0_q20 / 2 ** 20
-            told[-1].append((2 ** (3 - q0) if q0 < 11 else 0,
-                             [c + unit * x for c, x in zip(centre, one.x)]))
+            p.append((2 ** (3 - q0) if q0 < 11 else 0,
+                      [c + unit * x for c, x in zip(centre, one.x)]))
     return [p for p in told if any(o for o, _ in p)]
 
 
