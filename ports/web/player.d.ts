@@ -47,7 +47,7 @@ export class SagaPlayer extends HTMLElement {
 
     open(source: string | File): Promise<void>;
     /** Resolves when the film plays; rejects if it cannot be opened or is
-     * paused before. */
+     * paused before. A film without sound that is not seen plays when it is. */
     play(): Promise<void>;
     pause(): void;
     /** Returns camera and time as one line of text, to share a view. */
