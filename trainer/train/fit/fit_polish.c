@@ -20,6 +20,12 @@ enum { STREAM_PICTURES = 120, STREAM_SIGNS, STREAM_BLOCKS };
  * turn gains less than the previous one. */
 enum { LEAST_VISITS = 4, MORE_VISITS = 4, MOST_TURNS = 4 };
 
+/* A turn draws at most this part of the rendering stage's iterations; a film of
+ * many pictures would otherwise take as long for its polish as for the stage
+ * itself. So 16 visits to each picture draw all, and 8 draw half, which loses
+ * at most 0.03 dB (docs/lab/coding.md). */
+enum { PART_OF_STAGE = 16 };
+
 /* The first turn moves this part of the blocks, and each further turn this
  * fraction of the previous part. Blocks that overlap correct the same error, so
  * that moving all at once would overshoot. For the same reason the curvature
@@ -34,7 +40,7 @@ typedef struct {
     saga_fit *f;
     saga_twin *twin;        /* twin of the decoded scene */
     size_t width, n_blocks; /* number of features in a block */
-    uint64_t n_pictures;
+    uint64_t n_pictures;    /* of those that were trained, drawn by chance */
     saga_rng pictures;
     real *feature, *slope;   /* (blocks, F): decoded features, and dD / d
                               * feature */
@@ -46,6 +52,33 @@ typedef struct {
     double loss;             /* D + price R of the decoded scene */
 } polish;
 
+/* --- How much ------------------------------------------------------------- */
+
+/* Returns the number of turns after n_render iterations on n_there pictures.
+ * The pictures are drawn once for the curvature, once before the first turn and
+ * once after each turn. */
+static int n_turns(int n_render, int n_there)
+{
+    const int visits = n_render / n_there;
+    const int n = 2 + (visits - LEAST_VISITS) / MORE_VISITS;
+
+    return visits < LEAST_VISITS ? 0 : n > MOST_TURNS ? MOST_TURNS : n;
+}
+
+static int n_drawn(int n_render, int n_there)
+{
+    const int most = (n_render - 1) / PART_OF_STAGE + 1;
+
+    return most < n_there ? most : n_there;
+}
+
+int saga_fit_polish_draws(int n_render, int n_there)
+{
+    const int n = n_turns(n_render, n_there);
+
+    return n ? (n + 2) * n_drawn(n_render, n_there) : 0;
+}
+
 static bool init(polish *p, saga_fit *f, saga_error *error)
 {
     const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
@@ -53,7 +86,8 @@ static bool init(polish *p, saga_fit *f, saga_error *error)
     *p = (polish){ .f = f,
                    .width = f->scene->model.features,
                    .n_blocks = f->scene->n.coarse,
-                   .n_pictures = (uint64_t)f->pictures->n_there,
+                   .n_pictures = (uint64_t)n_drawn(f->o.n_render,
+                                                   f->pictures->n_there),
                    .pictures = saga_rng_stream(f->o.seed, STREAM_PICTURES),
                    .step = saga_fit_feature_step(f->scene),
                    .price = f->o.price.residual };
@@ -106,7 +140,7 @@ static bool show(polish *p, uint64_t number, saga_error *error)
     return true;
 }
 
-/* Draws all pictures of the decoded scene; adds their error to the loss and
+/* Draws the pictures of the decoded scene; adds their error to the loss and
  * sets its slope. */
 static bool look(polish *p, saga_error *error)
 {
@@ -248,18 +282,6 @@ static double move_some(const polish *p, int turn, double part)
 
 /* --- Turns ---------------------------------------------------------------- */
 
-/* Returns the number of turns for a fit. All pictures are drawn once for the
- * curvature, once before the first turn and once after each turn. */
-static int n_turns(const saga_fit *f)
-{
-    const int visits = f->o.n_render / f->pictures->n_there;
-    const int n = 2 + (visits - LEAST_VISITS) / MORE_VISITS;
-
-    return f->o.given || f->scene->n_layers > 1 || visits < LEAST_VISITS ? 0
-           : n > MOST_TURNS ? MOST_TURNS
-                            : n;
-}
-
 static bool take_turns(polish *p, saga_fit_polished *r, saga_error *error)
 {
     const size_t nbytes = 2 * p->n_blocks * p->width * sizeof *p->best;
@@ -290,7 +312,9 @@ bool saga_fit_polish(saga_fit *f, saga_fit_polished *r, saga_error *error)
     polish p;
     bool ok;
 
-    *r = (saga_fit_polished){ .n_turns = n_turns(f) };
+    *r = (saga_fit_polished){ 0 };
+    if (!f->o.given && f->scene->n_layers == 1)
+        r->n_turns = n_turns(f->o.n_render, f->pictures->n_there);
     if (r->n_turns == 0)
         return true;
     ok = init(&p, f, error) && take_turns(&p, r, error);
