@@ -675,6 +675,34 @@ if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
 if "<li>Pictures are missing: cam&#60;b&#62;\u00fc lacks 1 of 2" not in text:
     print("check --html: a note is not as it is in the text")
 PYTHON
+# The plan is the view from above, with the cameras from left to right as they
+# see each other, whatever the axes: a world with z, x, y instead has the same.
+mkdir "$tmp/turned"
+mv "$tmp/dim/images" "$tmp/turned/images"
+python3 - "$tmp/dim/transforms.json" >"$tmp/turned/transforms.json" <<'PYTHON'
+import json, sys
+
+scene = json.load(open(sys.argv[1]))
+del scene["ply_file_path"]
+for frame in scene["frames"]:
+    x, y, z, one = frame["transform_matrix"]
+    frame["transform_matrix"] = [z, x, y, one]
+json.dump(scene, sys.stdout)
+PYTHON
+expect 0 check "$tmp/turned" --html "$tmp/turned.html"
+python3 - "$tmp/dim.html" "$tmp/turned.html" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import re, sys
+
+plans = [[tuple(map(float, at)) for at in re.findall(
+    "cx=([0-9.]+) cy=([0-9.]+) r=3", open(name, encoding="utf-8").read())]
+    for name in sys.argv[1:]]
+if len(plans[0]) != 4 or plans[0] != sorted(plans[0]):
+    print("check --html: cameras stand at", plans[0])
+if any(abs(a - b) > 0.11 for one, two in zip(*plans)
+       for a, b in zip(one, two)):
+    print("check --html: other axes give another plan", plans)
+PYTHON
+mv "$tmp/turned/images" "$tmp/dim/images"
 # 24 frames must be one segment, although they are two minutes long; 48 must be
 # two.
 expect 0 synth "$tmp/long" --size 32x18 --cameras 3 --hold-out 0 --frames 48 \

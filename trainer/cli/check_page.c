@@ -4,13 +4,15 @@
 #include "alloc.h"
 #include "base64.h"
 #include "novel.h"
+#include "orbit.h"
 #include "output.h"
 #include "picture.h"
 #include "pictures.h"
 #include "pose.h"
 #include "preset.h"
-#include "warm_up.h"
 #include "utf8.h"
+#include "vec3.h"
+#include "warm_up.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -194,10 +196,10 @@ static bool put_thumbnail(FILE *to, const saga_capture *c, int view,
 
 /* --- The plan ------------------------------------------------------------ */
 
-/* The plan shows the rig along the axis on which the cameras' centres spread
- * least, so that it looks largest. */
+/* The plan shows the rig from above, whatever the axes of its poses are: to the
+ * right and ahead of the cameras. */
 typedef struct plan {
-    int axis[2];
+    double axis[2][3]; /* unit vectors */
     double middle[2], scale;
 } plan;
 
@@ -211,34 +213,56 @@ static void place_of(const saga_capture *c, size_t i, double x[3])
         memcpy(x, c->points[i - n].position, 3 * sizeof *x);
 }
 
-/* Chooses the plan's axes and scale by the cameras alone, because points may
- * lie far away. */
+/* Takes the part of a vector that is perpendicular to up, as a unit vector.
+ * Returns false if nothing is left. */
+static bool lay(double to[3], const double from[3], const double up[3])
+{
+    double n;
+
+    for (int k = 0; k < 3; k++)
+        to[k] = from[k] - dot3(from, up) * up[k];
+    n = sqrt(dot3(to, to));
+    for (int k = 0; k < 3; k++)
+        to[k] /= n > 1e-3 ? n : 1;
+    return n > 1e-3;
+}
+
+/* Sets the axes: ahead is the cameras' mean direction or, if they look from all
+ * sides, that of the first; or any, if it looks straight down. */
+static void set_axes(plan *p, const saga_capture *c)
+{
+    static const double any[2][3] = { { 1, 0, 0 }, { 0, 1, 0 } };
+    double up[3], mean[3] = { 0, 0, 0 };
+
+    saga_views_up(up, c->views, c->n_views);
+    for (int v = 0; v < c->n_views; v++)
+        for (int k = 0; k < 3; k++)
+            mean[k] += c->views[v].rotation[6 + k] / c->n_views;
+    (void)(lay(p->axis[1], mean, up) ||
+           lay(p->axis[1], c->views[0].rotation + 6, up) ||
+           lay(p->axis[1], any[fabs(up[0]) > 0.9], up));
+    cross3(p->axis[0], p->axis[1], up);
+}
+
+/* Chooses middle and scale by the cameras alone, because points may lie far
+ * away. */
 static plan make_plan(const saga_capture *c)
 {
-    double low[3], high[3], x[3];
-    int least = 0;
-    plan p;
+    double low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
+    double x[3];
+    plan p = { .scale = 0 };
 
-    place_of(c, 0, low);
-    place_of(c, 0, high);
-    for (size_t i = 1; i < (size_t)c->n_views; i++) {
+    set_axes(&p, c);
+    for (size_t i = 0; i < (size_t)c->n_views; i++) {
         place_of(c, i, x);
-        for (int k = 0; k < 3; k++) {
-            low[k] = fmin(low[k], x[k]);
-            high[k] = fmax(high[k], x[k]);
+        for (int k = 0; k < 2; k++) {
+            low[k] = fmin(low[k], dot3(x, p.axis[k]));
+            high[k] = fmax(high[k], dot3(x, p.axis[k]));
         }
     }
-    for (int k = 1; k < 3; k++)
-        if (high[k] - low[k] < high[least] - low[least])
-            least = k;
-    p.axis[0] = least == 0 ? 1 : 0;
-    p.axis[1] = least == 2 ? 1 : 2;
-    p.scale = 0;
     for (int k = 0; k < 2; k++) {
-        const int a = p.axis[k];
-
-        p.middle[k] = (low[a] + high[a]) / 2;
-        p.scale = fmax(p.scale, 2.5 * (high[a] - low[a]));
+        p.middle[k] = (low[k] + high[k]) / 2;
+        p.scale = fmax(p.scale, 2.5 * (high[k] - low[k]));
     }
     /* Cameras take two fifths of the plan's width, so that points around them
      * show. The spread is 0 if all cameras stand at one place. */
@@ -249,7 +273,7 @@ static plan make_plan(const saga_capture *c)
 static bool on_plan(const plan *p, const double x[3], double xy[2])
 {
     for (int k = 0; k < 2; k++)
-        xy[k] = PLAN / 2 + p->scale * (x[p->axis[k]] - p->middle[k]);
+        xy[k] = PLAN / 2 + p->scale * (dot3(x, p->axis[k]) - p->middle[k]);
     /* SVG counts rows downwards. */
     xy[1] = PLAN - xy[1];
     return xy[0] >= 0 && xy[0] <= PLAN && xy[1] >= 0 && xy[1] <= PLAN;

@@ -92,11 +92,11 @@ static void mean_up(double up[3], const saga_source_view *views, int n)
             up[i] = -views[0].rotation[3 + i];
 }
 
-/* Finds the vertical. People hold cameras level, whatever the tilt, so up is
- * the direction most nearly perpendicular to all horizontal axes r of the
- * cameras. It is found by power iteration on the matrix 1 - mean of r r^T,
- * which begins with the mean up; that start decides if all axes agree. */
-static void find_up(double up[3], const saga_source_view *views, int n)
+/* People hold cameras level, whatever the tilt, so up is the direction most
+ * nearly perpendicular to all horizontal axes r of the cameras. It is found by
+ * power iteration on the matrix 1 - mean of r r^T, which begins with the mean
+ * up; that start decides if all axes agree. */
+void saga_views_up(double up[3], const saga_source_view *views, int n)
 {
     enum { STEPS = 64 };
 
@@ -216,7 +216,7 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error)
     /* Find what they look at, which way is up, and the arc that they span. */
     if (ok) {
         find_focus(orbit->focus, &film->metric, views, n);
-        find_up(orbit->up, views, n);
+        saga_views_up(orbit->up, views, n);
         ok = find_middle(orbit, views, n);
     }
     if (ok)

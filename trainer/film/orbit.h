@@ -22,6 +22,9 @@ typedef struct saga_orbit {
                           * pose is used */
 } saga_orbit;
 
+/* Sets up to the vertical of n > 0 views, a unit vector. */
+void saga_views_up(double up[3], const saga_source_view *views, int n);
+
 /* Fails if the file has no rig, or its cameras all stand at the focus. */
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film, saga_error *error);
 
