@@ -654,6 +654,15 @@ def check_import_moving(tmp):
         shutil.copy(moves, tmp + "/moves/%d.ply" % f)
     saga("import", tmp + "/moves", "-o", out, "--size", "32x32", status=1,
          says="has splats that move, in a folder of frames")
+    # Also if only the first one moves.
+    write(tmp + "/moves/1.ply", ply(rows))
+    saga("import", tmp + "/moves", "-o", out, "--size", "32x32", status=1,
+         says="/0.ply: has splats that move, in a folder of frames")
+    fades = write(tmp + "/fades.ftgs.ply", ply(
+        [row + [0, -4, 0, 0, 0] for row in rows], COLUMNS + MOTION,
+        ["ftgs_version 1", "time_units normalized", "n_frames 3"]))
+    saga("import", fades, "-o", out, "--size", "32x32", status=1,
+         says="has no visible splat at frame 1 of 3")
 
 
 def check_import_refused(tmp):

@@ -113,12 +113,14 @@ def check_links(tmp):
     # DEMO has 24 pictures at 24 a second, of 320x180.
     for address, base in (("https://x.org/p/q.html", "https://x.org/p/"),
                           ("https://x.org", "https://x.org/"),
-                          ("http://x.org/~me/", "http://x.org/~me/")):
+                          ("http://x.org/~me/", "http://x.org/~me/"),
+                          ("https://x.org/a&lt;b/q.html",
+                           "https://x.org/a&lt;b/")):
         page = checks.run(SAGA, "export", evil, "-o", folder + "/a b.html",
                           "--address", address) and read(
                               folder + "/a b.html").decode()
         want = {"type": "website", "title": os.path.basename(evil),
-                "description": "1 seconds of volumetric video",
+                "description": "1 second of volumetric video",
                 "url": address, "image": base + "a%20b.png",
                 "image:width": "320", "image:height": "180"}
         if tags_of(page) != want:

@@ -421,8 +421,8 @@ static const saga_cli_option option_list[] = {
     { "--address", "URL",
       "where on the web a page will be. It then has the tags\n"
       "from which messengers and networks show a link with title\n"
-      "and picture (Open Graph); the picture, OUT with .png\n"
-      "instead of .html, has to lie beside it",
+      "and picture (Open Graph). The picture is written to OUT\n"
+      "with .png instead of .html, and has to lie beside it",
       saga_cli_text, offsetof(options, address), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };

@@ -13,6 +13,7 @@
 
 #include <jansson.h>
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -52,10 +53,11 @@ static char *no_memory(const page *p)
     return NULL;
 }
 
-/* Writes a text into HTML, where quotes may surround it. */
-static void put_escaped(FILE *f, const char *text)
+/* Writes the first n characters of a text into HTML, where quotes may surround
+ * them. */
+static void put_escaped(FILE *f, const char *text, size_t n)
 {
-    for (; *text; text++)
+    for (const char *const end = text + n; text < end; text++)
         switch (*text) {
         case '&':
             fputs("&amp;", f);
@@ -79,14 +81,14 @@ static char *title_of(const page *p)
 
     if (!f)
         return no_memory(p);
-    put_escaped(f, p->name);
+    put_escaped(f, p->name, strlen(p->name));
     return fclose(f) == 0 ? text : (free(text), no_memory(p));
 }
 
 static void put_tag(FILE *f, const char *name, const char *text)
 {
     fprintf(f, "\n<meta property=\"og:%s\" content=\"", name);
-    put_escaped(f, text);
+    put_escaped(f, text, strlen(text));
     fputs("\">", f);
 }
 
@@ -95,14 +97,16 @@ static void put_tag(FILE *f, const char *name, const char *text)
 static char *tags_of(const page *p, const char *address)
 {
     const saga_info *const i = &p->film->info;
+    const double seconds = (double)i->n_frames * i->fps_den / i->fps_num;
     char *text = NULL, about[80];
     size_t n;
     FILE *const f = open_memstream(&text, &n);
 
     if (!f)
         return no_memory(p);
-    (void)snprintf(about, sizeof about, "%.3g seconds of volumetric video",
-                   (double)i->n_frames * i->fps_den / i->fps_num);
+    (void)snprintf(about, sizeof about, "%.*f second%s of volumetric video",
+                   seconds < 100 && seconds != rint(seconds), seconds,
+                   seconds == 1 ? "" : "s");
     put_tag(f, "type", "website");
     put_tag(f, "title", p->name);
     put_tag(f, "description", about);
@@ -110,12 +114,12 @@ static char *tags_of(const page *p, const char *address)
     if (p->picture) {
         const char *const host = strstr(address, "://") + 3;
         const char *const slash = strrchr(host, '/');
-        const int n_base = (int)(slash ? slash - address
-                                       : (long)strlen(address));
+        const size_t base = slash ? (size_t)(slash - address) : strlen(address);
         const char *const name = saga_path_base(p->picture);
 
-        fprintf(f, "\n<meta property=\"og:image\" content=\"%.*s/", n_base,
-                address);
+        fputs("\n<meta property=\"og:image\" content=\"", f);
+        put_escaped(f, address, base);
+        fputc('/', f);
         for (const char *c = name; *c; c++)
             if (strchr("-._~", *c) || (*c >= '0' && *c <= '9') ||
                 ((*c | 32) >= 'a' && (*c | 32) <= 'z'))

@@ -26,16 +26,18 @@ typedef enum saga_cloud_form {
                          * opacities */
 } saga_cloud_form;
 
+enum { SAGA_N_MOTION = 5 }; /* numbers of a splat's motion */
+
 typedef struct saga_cloud {
     size_t n;
-    int degree;           /* degree of the colours' harmonics, 0..3 */
-    float *mean;          /* (n, 3) */
-    float *quat;          /* (n, 4) unit: w, x, y, z */
-    float *log_scale;     /* natural logarithm of the standard deviations */
-    float *logit;         /* (n) opacity = 1 / (1 + exp(-logit)) */
-    float *colour;        /* R, G, B of each harmonic */
-    float *motion;        /* (n, 5) time, logarithm of duration, velocity, see
-                           * film_moving.h; NULL: the splats of one moment */
+    int degree;       /* degree of the colours' harmonics, 0..3 */
+    float *mean;      /* (n, 3) */
+    float *quat;      /* (n, 4) unit: w, x, y, z */
+    float *log_scale; /* natural logarithm of the standard deviations */
+    float *logit;     /* (n) opacity = 1 / (1 + exp(-logit)) */
+    float *colour;    /* R, G, B of each harmonic */
+    float *motion; /* (n, SAGA_N_MOTION) time, logarithm of duration, velocity,
+                    * see film_moving.h; NULL: the splats of one moment */
     uint32_t n_frames;    /* of a file whose splats move; 0: they do not */
     uint32_t frame;       /* of which a reader makes the splats */
     uint64_t most_nbytes; /* memory that a reader may take; 0: any */

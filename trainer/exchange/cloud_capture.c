@@ -276,6 +276,9 @@ static bool take_frame(saga_capture *c, saga_canvas *canvas,
                        const saga_cloud *cloud, const saga_cloud_source *s,
                        int number, saga_error *error)
 {
+    if (!s->moves && cloud->n_frames && s->n_frames > 1)
+        return saga_fail(error, s->path[number], "give one such file alone",
+                         "has splats that move, in a folder of frames");
     add_points(c, cloud, s->n_frames);
     return draw_frame(c, canvas, cloud, number, error);
 }
@@ -291,10 +294,7 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
                                (uint32_t)number, s->most_nbytes, error))
         return false;
     saga_cloud_facts_add(s->facts, &cloud.facts);
-    ok = (s->moves || !cloud.n_frames ||
-          saga_fail(error, s->path[number], "give one such file alone",
-                    "has splats that move, in a folder of frames")) &&
-         take_frame(c, canvas, &cloud, s, number, error);
+    ok = take_frame(c, canvas, &cloud, s, number, error);
     saga_cloud_free(&cloud);
     return ok;
 }

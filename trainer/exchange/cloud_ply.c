@@ -19,8 +19,8 @@
 #include <string.h>
 
 /* `saga import` takes as many files as frames. */
-enum { N_MOTION = 5, MOST_FRAMES = 65535 };
-enum { MOST_FLOATS = 14 + 3 * SAGA_MAX_HARMONICS + N_MOTION };
+enum { MOST_FRAMES = 65535 };
+enum { MOST_FLOATS = 14 + 3 * SAGA_MAX_HARMONICS + SAGA_N_MOTION };
 
 static void write_notes(FILE *f, const saga_cloud *cloud)
 {
@@ -33,9 +33,9 @@ static void write_notes(FILE *f, const saga_cloud *cloud)
 
 static void write_header(FILE *f, const saga_cloud *cloud)
 {
-    static const char *const motion[N_MOTION] = { "time", "log_duration",
-                                                  "velocity_0", "velocity_1",
-                                                  "velocity_2" };
+    static const char *const motion[SAGA_N_MOTION] = {
+        "time", "log_duration", "velocity_0", "velocity_1", "velocity_2"
+    };
     const int n_rest = 3 * (saga_n_harmonics(cloud->degree) - 1);
 
     fputs("ply\nformat binary_little_endian 1.0\n", f);
@@ -55,7 +55,7 @@ static void write_header(FILE *f, const saga_cloud *cloud)
         fprintf(f, "property float scale_%d\n", k);
     for (int k = 0; k < 4; k++)
         fprintf(f, "property float rot_%d\n", k);
-    for (int k = 0; cloud->motion && k < N_MOTION; k++)
+    for (int k = 0; cloud->motion && k < SAGA_N_MOTION; k++)
         fprintf(f, "property float %s\n", motion[k]);
     fputs("end_header\n", f);
 }
@@ -85,7 +85,7 @@ static size_t put_splat(uint8_t *record, const saga_cloud *cloud, size_t i)
     put_all(&at, cloud->log_scale + 3 * i, 3);
     put_all(&at, cloud->quat + 4 * i, 4);
     if (cloud->motion)
-        put_all(&at, cloud->motion + N_MOTION * i, N_MOTION);
+        put_all(&at, cloud->motion + SAGA_N_MOTION * i, SAGA_N_MOTION);
     return (size_t)(at - record);
 }
 
@@ -273,6 +273,7 @@ static bool read_ply(saga_cloud *cloud, const saga_bytes *bytes,
     }
     cloud->n = n;
     cloud->n_frames = about.n_frames;
+    cloud->frame = frame; /* for messages */
     cloud->form = about.n_frames ? SAGA_FORM_SURE : SAGA_FORM_LOG;
     if (!ok)
         saga_cloud_free(cloud);

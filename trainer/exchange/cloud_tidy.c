@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -122,8 +123,14 @@ bool saga_cloud_tidy(saga_cloud *cloud, const char *path, saga_error *error)
     if (saga_cloud_facts_line(why, &from, &cloud->facts))
         saga_fail(error, path, "export it again", "has no splat to show: %s",
                   why);
+    else if (cloud->n_frames)
+        saga_fail(error, path, "take out the frames that show nothing",
+                  "has no visible splat at frame %" PRIu32 " of %" PRIu32,
+                  cloud->frame, cloud->n_frames);
+    else
+        saga_fail(error, path, "leave it out", "has no splats");
     saga_cloud_free(cloud);
-    return saga_fail(error, path, "leave it out", "has no splats");
+    return false;
 }
 
 /* --- Fewer splats -------------------------------------------------------- */

@@ -19,8 +19,6 @@
  * is a parabola in the logarithm above. */
 #define FADED 300.0
 
-enum { MOTION = 5 };
-
 /* A primitive at n times of the film, the first and the last frame among
  * them. */
 typedef struct {
@@ -221,7 +219,7 @@ static void set_splat(saga_cloud *cloud, const saga_film *film, samples *s,
     const saga_metric *const metric = &film->metric;
     const double wider = widening_of(s, film->info.tools);
     const fading f = fading_of(s);
-    float *const motion = cloud->motion + MOTION * i;
+    float *const motion = cloud->motion + SAGA_N_MOTION * i;
     double x[3], v[3];
     const double middle = fit_line(x, v, s, f.time);
     const saga_animated *const at = &s->at[lrint(middle * (s->n - 1))];
@@ -264,8 +262,8 @@ bool saga_film_moving(saga_cloud *cloud, double *rms,
              saga_cloud_alloc(cloud, report.n_primitives, colours->degree,
                               error) &&
              (cloud->motion = saga_alloc(report.n_primitives,
-                                         MOTION * sizeof(float), "splats",
-                                         error)) != NULL;
+                                         SAGA_N_MOTION * sizeof(float),
+                                         "splats", error)) != NULL;
     }
     if (ok) {
         const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);

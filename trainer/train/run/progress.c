@@ -116,10 +116,11 @@ int saga_train_iteration(const saga_train *t)
 }
 
 /* Returns the work of a stage and what follows it, in iterations of the
- * warm-up. Only the segment that makes the networks is polished. */
+ * warm-up. Polished is a segment that makes the networks, without layers. */
 static double work_of(const saga_train *t, int stage)
 {
-    const bool polished = stage == SAGA_TRAIN_RENDER && t->turn == 0;
+    const bool polished = stage == SAGA_TRAIN_RENDER && t->turn == 0 &&
+                          !t->base.n_prim && t->o.n_layers <= 1;
     const int n = saga_train_stage_iterations(t, (saga_train_stage)stage);
 
     return cost[stage] * n +
