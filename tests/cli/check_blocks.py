@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_blocks.py: guarantees that what README.md and docs/from-cameras.md
-print as commands runs as printed: every block of a page in its order, in one
-folder, under `bash -e`. Programs are the real ones, but captures are tiny and
+"""check_blocks.py: guarantees that what README.md, docs/from-cameras.md and the
+walk-throughs print as commands runs as printed: every block of a page in its
+order, in one folder, under `bash -e`. Programs are the real ones, but captures are tiny and
 trainings short: `saga` is a script that adds options, and `saga view` is ended
 once it serves. `make`, `apt-get` and `dpkg-buildpackage` only tell whether what
 they are asked for exists (check_install, check_packages and check_debian run
 them), `colmap` and, without OpenCV, `charuco.py` make what they would have made,
 and ffplay reads its input.
-  shell       the blocks of both pages
+  shell       the blocks of these pages
   python      Python's block, without numpy up to the line that needs it
 A block of another language begins with a word that tells it.
 """
@@ -21,7 +21,8 @@ import tempfile
 from verdict import ROOT, SAGA, SAGA_DEC, Verdicts
 
 v = Verdicts("blocks")
-LANGUAGES = {"C": r"saga_\w+\(&", "TOML": r"\[", "Python": r"film = "}
+LANGUAGES = {"C": r"saga_\w+\(&", "TOML": r"\[", "Python": r"film = ",
+             "tree": r"workspace/\n", "output": r"camera  "}
 
 SAGA_SCRIPT = r"""#!/bin/bash
 tiny='--size 48x32 --cameras 3 --hold-out 1 --points 100 --depth-every 0'
@@ -116,11 +117,35 @@ FILM = ("saga synth scene; mkdir raw\n"
         "for c in 00 01 02; do ffmpeg -i scene/images/cam$c/%05d.png -r 24 "
         "-c:v libx264 -qp 20 -pix_fmt yuv420p cam$c.mp4; done\n"
         "cp cam00.mp4 raw/cam03.mp4\n")
+# What the page of COLMAP leads to.
+POSES = "cp -r scene/images scene/points.ply scene/transforms.json .\n"
+# A workspace of caliscope: x, y, z of a camera in OpenGL are x, -y, -z.
+WORKSPACE = r"""
+at=workspace/calibration/extrinsic/capture_volume
+mkdir -p workspace/recordings/walk $at
+for i in 0 1 2; do mv cam0$i.mp4 workspace/recordings/walk/cam_$i.mp4; done
+"$PYTHON" - >$at/camera_array.toml <<'END'
+import json
+scene = json.load(open("scene/transforms.json"))
+for i in range(3):
+    m = next(f["transform_matrix"] for f in scene["frames"]
+             if "cam0%d/" % i in f["file_path"])
+    r = [[s * m[k][a] for k in range(3)] for a, s in ((0, 1), (1, -1), (2, -1))]
+    t = [-sum(r[a][k] * m[k][3] for k in range(3)) for a in range(3)]
+    print("[cameras.%d]\nsize = [%d, %d]\ndistortions = [0, 0, 0, 0, 0]" % (
+        i, scene["w"], scene["h"]))
+    print("matrix =", [[scene["fl_x"], 0, scene["cx"] - 0.5],
+                       [0, scene["fl_y"], scene["cy"] - 0.5], [0, 0, 1]])
+    print("rotation = %s\ntranslation = %s" % (r, t))
+END
+"""
 
 
 def check_shell():
     for page, before in (("README.md", QUIET + TAKE),
-                         ("docs/from-cameras.md", QUIET + FILM)):
+                         ("docs/from-cameras.md", QUIET + FILM + POSES),
+                         ("docs/walk-colmap.md", QUIET + FILM),
+                         ("docs/walk-caliscope.md", QUIET + FILM + WORKSPACE)):
         with tempfile.TemporaryDirectory() as tmp:
             run(page, make_folder(tmp), tmp, before)
     v.verdict("shell")
