@@ -308,6 +308,7 @@ many() {
     check web python3 tests/cli/check_web.py
     check whole python3 tests/cli/check_whole.py
     check player python3 tests/cli/check_player.py
+    check sleep python3 tests/cli/check_sleep.py
     check phone python3 tests/cli/check_phone.py
     check bounds python3 tests/cli/check_bounds.py
     check sound python3 tests/cli/check_sound.py

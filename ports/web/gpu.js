@@ -230,12 +230,22 @@ export class GpuScreen {
         this.canvas = canvas;
         this.gl = gl;
         this.loser = gl.getExtension('WEBGL_lose_context');
-        this.isReleased = this.isGone = false;
+        this.isReleased = this.isGone = false; // as asked
+        this.isTaken = this.isLost = false;    // as it is
         this.transparent = false; // the page shows where the film does not
         this.begin();
-        canvas.addEventListener('webglcontextlost', (event) =>
-            event.preventDefault());
-        canvas.addEventListener('webglcontextrestored', () => this.begin());
+        canvas.addEventListener('webglcontextlost', (event) => {
+            event.preventDefault();
+            this.isLost = true;
+            setTimeout(() => this.restore());
+        });
+        canvas.addEventListener('webglcontextrestored', () => {
+            this.isTaken = this.isLost = false;
+            if (this.isReleased)
+                this.release();
+            else
+                this.begin();
+        });
     }
 
     begin() {
@@ -261,18 +271,24 @@ export class GpuScreen {
     release(forGood = false) {
         nContexts -= Number(forGood && !this.isGone);
         this.isGone ||= forGood;
-        if (!this.isReleased)
-            this.loser?.loseContext();
         this.isReleased = true;
+        if (!this.isTaken)
+            this.loser?.loseContext();
+        this.isTaken = true;
     }
 
     // Takes a context again. Then the canvas gets `webglcontextrestored`.
     regain() {
         nContexts += Number(this.isGone);
-        this.isGone = false;
-        if (this.isReleased)
+        this.isGone = this.isReleased = false;
+        this.restore();
+    }
+
+    // Browsers restore a context only after they have dispatched
+    // `webglcontextlost`, which is a task after release().
+    restore() {
+        if (this.isTaken && this.isLost && !this.isReleased)
             this.loser?.restoreContext();
-        this.isReleased = false;
     }
 
     resize(width, height) {

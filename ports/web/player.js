@@ -62,7 +62,7 @@ export class SagaPlayer extends Base {
         this.watcher = new ResizeObserver(() => this.fit());
         this.isSeen = false; // or nearly
         this.isDue = false;  // the film of `src` is opened when it is seen
-        this.eye = new IntersectionObserver((entries) => {
+        this.seenBy = new IntersectionObserver((entries) => {
             this.isSeen = entries.at(-1).isIntersecting;
             this.attend();
         }, { rootMargin: '50%' });
@@ -71,7 +71,7 @@ export class SagaPlayer extends Base {
 
     connectedCallback() {
         this.watcher.observe(this);
-        this.eye.observe(this);
+        this.seenBy.observe(this);
         if (this.isShut && this.src)
             this.load();
         this.isShut = false;
@@ -79,7 +79,7 @@ export class SagaPlayer extends Base {
 
     disconnectedCallback() {
         this.watcher.disconnect();
-        this.eye.disconnect();
+        this.seenBy.disconnect();
         // An element that is only moved within the page goes on.
         setTimeout(() => {
             if (!this.isConnected)
@@ -135,7 +135,7 @@ export class SagaPlayer extends Base {
         });
         viewer.addEventListener('resumed', () => {
             this.tell('');
-            if (viewer.playing)
+            if (viewer.playing && !viewer.isAsleep)
                 this.emit('playing');
         });
         viewer.addEventListener('progress',
@@ -163,7 +163,7 @@ export class SagaPlayer extends Base {
         this.$('headset').hidden = true;
         this.addEventListener('keydown', (event) => this.onKey(event));
         for (const type of ['pointermove', 'pointerdown', 'keydown'])
-            this.addEventListener(type, () => this.wake());
+            this.addEventListener(type, () => this.showBar());
     }
 
     emit(type, detail) {
@@ -182,18 +182,28 @@ export class SagaPlayer extends Base {
         this.attend();
     }
 
-    // Only a player that is seen, heard or shown in a headset has a worker and
-    // a context of the graphics processor. Others keep camera and time.
-    attend() {
+    // Returns whether the player is seen, heard or shown in a headset.
+    get isNeeded() {
         const { viewer, sound } = this;
 
-        if (!this.isSeen && !viewer.wanted &&
-            !(viewer.playing && sound.isHeard))
-            viewer.sleep();
-        else if (this.isDue)
+        return this.isSeen || viewer.wanted !== null ||
+            (viewer.playing && sound.isHeard);
+    }
+
+    // Only a player that is needed has a worker and a context of the graphics
+    // processor. Others keep camera and time.
+    attend() {
+        const { viewer } = this;
+
+        if (!this.isNeeded) {
+            // A script that has paused the film may go on to play it.
+            setTimeout(() => !this.isNeeded && viewer.sleep());
+        } else if (this.isDue) {
             this.open(this.src).catch(() => {}); // `error` reports it
-        else
+        } else if (viewer.isAsleep) {
+            this.tell('');
             viewer.wake();
+        }
     }
 
     // Opens a URL or a File. If it fails, it rejects with an error whose
@@ -315,7 +325,7 @@ export class SagaPlayer extends Base {
         if (before.pose !== now.pose)
             this.emit('camerachange');
         this.attend();
-        this.wake();
+        this.showBar();
     }
 
     showSound() {
@@ -373,11 +383,11 @@ export class SagaPlayer extends Base {
 
     // Shows the bar, which stays while the user does something or the film
     // stands.
-    wake() {
-        clearTimeout(this.sleeping);
+    showBar() {
+        clearTimeout(this.barTimer);
         this.removeAttribute('resting');
         if (this.viewer.playing)
-            this.sleeping = setTimeout(
+            this.barTimer = setTimeout(
                 () => this.toggleAttribute('resting', true), REST_MS);
     }
 
@@ -501,20 +511,21 @@ export class SagaPlayer extends Base {
         this.emit('playing');
     }
 
-    // Resolves when the next picture is drawn.
+    // Resolves when the next picture is drawn, or the film is paused.
     drawn() {
         return new Promise((resolve, reject) => {
-            const { viewer } = this;
+            const { viewer } = this, over = new AbortController();
+            const { signal } = over;
             const end = () => {
-                viewer.removeEventListener('drawn', end);
-                viewer.removeEventListener('failed', end);
+                over.abort();
                 if (viewer.error)
                     reject(new Error(viewer.error.message));
                 resolve();
             };
 
-            viewer.addEventListener('drawn', end);
-            viewer.addEventListener('failed', end);
+            viewer.addEventListener('drawn', end, { signal });
+            viewer.addEventListener('failed', end, { signal });
+            this.addEventListener('pause', end, { signal });
         });
     }
 

@@ -67,7 +67,8 @@ export class Viewer extends EventTarget {
     loop: boolean;
     /** Rate of playback; initially 1. */
     rate: number;
-    /** Numbers of the picture that was drawn last. */
+    /** Numbers of the picture that was drawn last; null before the first one, and
+     * while a player rests unseen. */
     readonly drawn: {
         width: number;
         height: number;

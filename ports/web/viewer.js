@@ -133,21 +133,19 @@ export class Viewer extends EventTarget {
     // whose message is a sentence.
     open(source) {
         this.clear();
-        this.source = source;
+        try {
+            // The page's own address may change until the viewer is woken.
+            this.source = typeof source === 'string'
+                ? new URL(source, document.baseURI).href : source;
+        } catch {
+            return Promise.reject(this.fail(`${source}: is no address`));
+        }
         return this.connect().then((opened) => this.begin(opened));
     }
 
     // Starts a worker, which opens the file.
     connect() {
-        let address = this.source;
-
         this.ownScreen?.regain?.();
-        try {
-            if (typeof address === 'string')
-                address = new URL(address, document.baseURI).href;
-        } catch {
-            return Promise.reject(this.fail(`${address}: is no address`));
-        }
         try {
             this.worker = startWorker();
         } catch (error) {
@@ -168,7 +166,7 @@ export class Viewer extends EventTarget {
             };
             this.worker.onerror = (event) => reject(this.fail(
                 cannotStart(event.message)));
-            this.worker.postMessage({ open: address, simd: this.simd,
+            this.worker.postMessage({ open: this.source, simd: this.simd,
                 seconds: this.seconds, places: absolutePlaces(),
                 credentials: this.credentials });
         });
@@ -181,6 +179,7 @@ export class Viewer extends EventTarget {
         if (this.isAsleep || !this.info || /^blob:/.test(this.source))
             return;
         this.isAsleep = true;
+        this.drawn = null; // the next worker has no segment
         this.endWait();
         this.disconnect();
         this.ownScreen?.release?.();
@@ -190,15 +189,17 @@ export class Viewer extends EventTarget {
         if (!this.isAsleep)
             return;
         this.isAsleep = false;
+        this.error = null;
         this.busy = true; // until the file is open
         this.connect().then(() => {
             this.busy = false;
+            this.looked = null; // no worker has a list of what comes next
             this.changed();
             if (this.wantsSound)
                 this.askSound();
             if (this.playing)
                 this.runClock();
-        }, () => {}); // the `failed` event has reported it
+        }, () => this.sleep()); // `failed` has reported it
     }
 
     begin({ info, rig, segments, hasSound, viewingVolume: volume, name, size,

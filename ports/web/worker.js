@@ -192,7 +192,8 @@ onmessage = ({ data }) => {
         return;
     }
     if (data.sound) {
-        sendSound();
+        if (file) // else it is asked for again when the file is open
+            sendSound();
         return;
     }
     last = last.then(() => answer(data)).then((reply) =>

@@ -16,9 +16,6 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
               all keep their picture. A player that is moved goes on; one that
               was removed gives its context back, and shows the film again when
               it is put back
-  scroll      of players in a long page only those that are seen, or nearly, have
-              a worker and a context; one that is seen again is where it was,
-              and plays on if it played
   lost        if the browser takes a context and gives it back, its picture comes
               back and plays on, also where canvases share the context
   leaks       after many changes of src there are as many workers, listeners and
@@ -316,71 +313,6 @@ def check_many(tab):
         return data.some((x, i) => i % 4 < 3 && x !== data[i % 4]);
     })()""")
     verdict("many")
-
-
-# A page of players under each other, 120 pixels each. seen() returns those that
-# are in the window; awake() those that have a worker, whose number of contexts
-# is the second number.
-SCROLL = """(async () => {
-    await import('/player.js');
-    window.players = Array.from({ length: %d }, (_, i) => {
-        const player = document.createElement('saga-player');
-        player.style = 'width: 160px; height: 120px; aspect-ratio: auto';
-        player.setAttribute('camera', i %% 4);
-        player.src = '/demo.saga';
-        return player;
-    });
-    window.seen = () => players.filter((player) => {
-        const { top, bottom } = player.getBoundingClientRect();
-        return bottom > 0 && top < innerHeight;
-    });
-    window.awake = () => {
-        const all = players.filter(({ viewer }) => viewer.worker);
-        return [all.length, new Set(players.map(
-            ({ viewer }) => viewer.ownScreen?.gl).filter(
-            (gl) => gl && !gl.isContextLost())).size];
-    };
-    window.stand = () => seen().every(({ viewer }) => viewer.drawn &&
-        !viewer.isAsleep &&
-        (viewer.playing || !viewer.busy && !viewer.stale) &&
-        viewer.read().data.some((x, i, all) => i %% 4 < 3 && x !== all[i %% 4]));
-    document.body.replaceChildren(...players);
-})()"""
-
-
-def check_scroll(tab):
-    n = 60 if "SAGA_TEST_LONG" in os.environ else 16
-    tab.run(SCROLL % n)
-    most = 0
-    for top in [*range(0, 120 * n, 480), 0]:
-        tab.run("scrollTo(0, %d)" % top)
-        tab.wait("stand()", "JSON.stringify(players.map(({ viewer: v }) => "
-                 "[Boolean(v.worker), Boolean(v.drawn), v.busy, v.isAsleep]))")
-        if top == 0:
-            tab.run("""(() => {
-                const [first, second] = players;
-                first.camera = 3;
-                first.currentTime = 0.5;
-                second.loop = true;
-                second.viewer.orbit(0.2, 0);
-                window.was = second.toState().replace(/frame=[0-9]+/, '');
-            })()""" if not most else "0")
-            tab.run("players[1].loop = true; players[1].viewer.loop = true; "
-                    "void players[1].play()")
-        # Four are in the window; half of it above and below are near.
-        tab.wait("awake()[0] <= 9", "JSON.stringify(awake())")
-        most = max(most, *tab.run("awake()"))
-    if tab.run("players[0].toState()") != "camera=3&frame=12" or \
-            not tab.run("players[1].toState().replace(/frame=[0-9]+/, '') === "
-                        "was && !players[1].paused"):
-        complain("seen again, two players are at", tab.run(
-            "players.slice(0, 2).map((p) => p.toState() + was)"))
-    frame = tab.run("players[1].viewer.frame")
-    tab.wait("players[1].viewer.frame !== %r" % frame)
-    tab.run("document.body.replaceChildren()")
-    # Canvases that share a context leave it for the next ones.
-    tab.wait("awake()[0] === 0 && awake()[1] < 2", "awake().join()")
-    verdict("scroll: %d players, at most %d awake" % (n, most))
 
 
 # Takes the context of a canvas as a browser does that has too little memory.
@@ -737,7 +669,6 @@ def main():
         check_window(tab)
         check_clear(tab)
         check_many(tab)
-        check_scroll(tab)
         check_lost(tab)
         check_leaks(tab)
         check_large(tab)

@@ -7,8 +7,8 @@ in headless Chromium,
            own
   muted    the attribute, the key M, the button and the property turn it off and
            on
-  unseen   a film that is heard plays on where nobody sees it; without sound it
-           rests there
+  unseen   a film that is heard plays on where nobody sees it, also if a script
+           starts it anew; without sound it rests there
   gesture  if the browser blocks sound, the user's next gesture starts it
   clock    the sound has the picture's time: in playback, after a seek, at twice
            the rate, after loops, and if it starts before or after the first
@@ -210,6 +210,11 @@ def check_unseen(tab, server):
             "new Promise((resolve) => setTimeout(resolve, 500))")
     settles(tab, "unseen it is not heard", "!audio.paused")
     expect(tab, "unseen, but heard, it rests", "!viewer.isAsleep")
+    tab.run("window.worker = viewer.worker; player.pause(); "
+            "player.currentTime = 0; void player.play(); "
+            "new Promise((resolve) => setTimeout(resolve, 300))")
+    expect(tab, "started anew it gives worker or context back",
+           "viewer.worker === worker && !viewer.screen.gl.isContextLost()")
     tab.run("player.muted = true")
     settles(tab, "unseen and silent it goes on", "viewer.isAsleep && "
             "viewer.worker === null && audio.paused")
