@@ -159,8 +159,10 @@ for r in sorted(rows, key=lambda r: r["factor"]):
     assert (r["fine"] == r["primitives"]) == own, r
 assert len(rows) == 26 and len(by_row) == 12, rows
 assert len({tuple(b) for b in by_row.values()}) == 12, by_row
-for b in by_row.values():
-    assert b[0] > b[-1], by_row
+# A higher price gives fewer bytes, except where nearly all are those of networks
+# without a price.
+for name, b in by_row.items():
+    assert b[0] > b[-1] or name == "raw-networks", by_row
 PYTHON
 for text in '| as trained ' \
     '| full model ' \

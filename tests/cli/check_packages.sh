@@ -117,7 +117,7 @@ else
         printf 'export class %s {}\n' "${@:2}" >"$at/engine.js"
     }
     # shellcheck disable=SC2046
-    engine three $(grep -oh 'THREE\.[A-Z][A-Za-z]*' ports/three/*.js |
+    engine three $(grep -oh 'THREE\.[A-Z][A-Za-z0-9]*' ports/three/*.js |
         sed 's/.*\.//' | sort -u)
     # shellcheck disable=SC2046
     engine playcanvas $(grep -oh 'pc\.[A-Z][A-Za-z]*' ports/playcanvas/*.js |
