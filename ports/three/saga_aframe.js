@@ -12,8 +12,12 @@ import { standing } from 'saga-web/xr.js';
 import { SagaMesh } from './saga_three.js';
 
 const OBJECT = 'saga'; // the name of the entity's object
+const { AFRAME } = globalThis;
 
-globalThis.AFRAME.registerComponent('saga', {
+// What renders pages on a server may import the module without A-Frame.
+if (!AFRAME && globalThis.document)
+    throw new Error('saga_aframe.js: load A-Frame before this module');
+AFRAME?.registerComponent('saga', {
     schema: {
         src: { type: 'string' },
         autoplay: { default: true },
