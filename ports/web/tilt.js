@@ -104,6 +104,9 @@ export class Tilt {
 
     turnTo({ yaw, pitch }) {
         const { viewer } = this;
+
+        if (!viewer.info)
+            return;
         const by = { yaw: yaw - this.done.yaw, pitch: pitch - this.done.pitch };
 
         if (Math.hypot(by.yaw, by.pitch) < STILL)

@@ -238,8 +238,9 @@ export async function enterHeadset(viewer) {
         model = null;
     });
     session.addEventListener('select', () => {
-        isHeld = false;
-        if (viewer.playing)
+        if (isHeld)
+            isHeld = false; // a film that stands is not to go on
+        else if (viewer.playing)
             viewer.pause();
         else
             viewer.play();

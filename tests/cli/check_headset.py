@@ -10,7 +10,8 @@ with a headset that iwer emulates,
               decoder draws for this eye's camera, and differs from that of the
               other eye, also after the head has turned and moved
   fade        the picture gets dim as the head leaves the viewing volume; far
-              outside the film stands still until the head is back
+              outside the film stands still until the head is back, unless
+              the button says that it is to pause
   clock       the film plays by the headset's clock; its button pauses
   leave       after the session the page shows its own picture and plays on
 iwer is fetched by npm once for a build folder. Without npm, the registry,
@@ -217,6 +218,29 @@ def check_fade(tab):
         viewer.viewingVolume = null;
         return [await brightest(), viewer.playing, ...told];
     })()""")
+    paused = tab.run("""(async () => {
+        const volume = { pivot: viewer.toMetres(viewer.focus), up: [0, -1, 0],
+            front: [0, 0, -1], azimuth: Math.PI,
+            elevation: [-Math.PI / 2, Math.PI / 2], turn: Math.PI,
+            quality: [0, 0], distance: [0, 1e-3] };
+        const told = [];
+
+        viewer.viewingVolume = volume;
+        await brightest();
+        for (let i = 0; i < 2; i++) {
+            session.dispatchEvent(new Event('select'));
+            viewer.viewingVolume = volume;
+            await brightest();
+            told.push(viewer.playing);
+            viewer.viewingVolume = null;
+            await brightest();
+            told.push(viewer.playing);
+        }
+        return told;
+    })()""")
+    if paused != [False, False, False, True]:
+        complain("the button is pressed far outside, then inside; each time the "
+                 "film plays outside, inside:", paused)
     tab.run("viewer.pause()")
     if got[1::2] != [True, True, True, False]:
         complain("without a volume, inside, outside, far outside the film "

@@ -14,7 +14,7 @@ headless Chromium that emulates telephones and tablets,
   tilt        a button lets the picture follow the device: the camera goes to
               where the eye is as seen from the device, by the derived angle, in
               both orientations of the screen; it goes back when that ends. A
-              device without a sensor is told
+              device without a sensor is told; without a film nothing turns
 Without Chromium or the decoder in WebAssembly, the check prints that it was
 skipped.
 """
@@ -215,6 +215,19 @@ def check_tilt(tab, url):
         if tab.run("%s[2]" % MOVED) < 1 - 1e-9 or \
                 tab.run("player.$('tilt').ariaPressed") != "false":
             complain("it does not go back:", tab.run(MOVED))
+    # A device that is turned before a film is open turns nothing.
+    hold(tab, PHONE)
+    show(tab, url + "long.html?closed")
+    tab.run("player.replaceWith(player = document.createElement('saga-player'));"
+            "player.$('tilt').click()")
+    for posture in ((0, 90, 0), (10, 90, 0)):
+        turn(tab, *posture)
+        tab.wait("player.tilt.zero")
+    tab.run("new Promise((resolve) => setTimeout(resolve, 200))")
+    if tab.log:
+        complain("turned without a film it throws", tab.log)
+        tab.log.clear()
+    tab.run("player.$('tilt').click()")
     tab.call("DeviceOrientation.clearDeviceOrientationOverride")
     show(tab, url + "long.html")
     tab.run("player.$('tilt').click()")
