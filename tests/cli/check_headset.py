@@ -201,7 +201,7 @@ def check_eyes(tab):
 # e^0.175, which is half of what makes the picture as dim as it gets, a quarter;
 # then by e^1.
 def check_fade(tab):
-    tab.run("viewer.play()")
+    tab.run("viewer.rate = 0; viewer.play()") # all pictures are of one time
     got = tab.run("""(async () => {
         const { poseOf } = await import('/camera.js');
         const [x, y, z] = viewer.toMetres(poseOf(viewer.wanted).centre);
@@ -241,7 +241,7 @@ def check_fade(tab):
     if paused != [False, False, False, True]:
         complain("the button is pressed far outside, then inside; each time the "
                  "film plays outside, inside:", paused)
-    tab.run("viewer.pause()")
+    tab.run("viewer.pause(); viewer.rate = 1")
     if got[1::2] != [True, True, True, False]:
         complain("without a volume, inside, outside, far outside the film "
                  "plays:", got[1::2])
