@@ -10,6 +10,8 @@ the file,
               its lens and size, in the order of the names; a rig that was
               written as COLMAP files gives the pixels of --camera
   look-at     so are those for --look-at, with and without --eye
+  loop        a .gif or .webp of a film with sound has the pictures of an .mp4,
+              and begins anew at its end
   film        an .mp4 has the right pictures, number of pictures and rate; if
               ffmpeg fails or is missing, no file remains
   full        if the disk is full at any moment of a film, an export or a mux,
@@ -370,6 +372,34 @@ def check_film(tmp):
     verdict("film")
 
 
+def check_loop(tmp):
+    """A GIF's first picture is compared with the decoder's: 256 colours leave
+    less than 12 levels RMS. Marks that a film begins anew: GIF's Netscape block
+    with 0, WebP's chunk ANIM with 0."""
+    sound, heard = tmp + "/loop.opus", tmp + "/loop.saga"
+    subprocess.run(["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "sine=d=1",
+                    "-c:a", "libopus", sound], check=True)
+    checks.run(SAGA, "mux", SCENE, "--audio", sound, "-o", heard)
+    four = ("render", heard, "--camera", 0, "--frames", "0:4", "--size",
+            "64x36", "-o")
+    checks.run(SAGA, *four, tmp + "/loop_%d.png")
+    checks.run(SAGA, *four, tmp + "/loop.gif")
+    checks.run(SAGA, *four, tmp + "/loop.webp")
+    gif, webp = read(tmp + "/loop.gif"), read(tmp + "/loop.webp")
+    got, want = pixels(tmp + "/loop.gif"), pixels(tmp + "/loop_0.png")
+    at = webp.find(b"ANIM")
+    if b"NETSCAPE2.0\x03\x01\0\0" not in gif or at < 0 or \
+            webp[at + 12:at + 14] != b"\0\0":
+        complain("a GIF or WebP does not begin anew")
+    if len(got) != 4 * len(want) or webp.count(b"ANMF") != 4:
+        complain("a GIF has", len(got), "bytes, a WebP", webp.count(b"ANMF"),
+                 "pictures")
+    error = sum((a - b) ** 2 for a, b in zip(got, want)) / len(want)
+    if error > 144:
+        complain("the GIF's first picture has a squared error of", error)
+    verdict("loop")
+
+
 def check_full(tmp):
     """A film of 40 kB is more than ffmpeg holds back: the disk is full in the
     middle of it, or for the last byte, which is written when the index is moved
@@ -441,6 +471,7 @@ def main():
         check_colmap(tmp)
         check_look_at(tmp)
         check_film(tmp)
+        check_loop(tmp)
         check_full(tmp)
         check_bad(tmp)
     return 1 if checks.failed else 0

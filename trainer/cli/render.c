@@ -48,7 +48,7 @@ typedef struct {
     saga_film film;
     saga_orbit orbit;
     saga_path path;
-    saga_film_writer video; /* used for .mp4 */
+    saga_film_writer video; /* used for a film */
     saga_camera camera;
     saga_sight sight;
     int first, n; /* pictures first .. first + n - 1 */
@@ -162,7 +162,8 @@ static int check_name(const session *s)
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "render: %s: pictures are "
-                              "written as .png or .exr, films as .mp4",
+                              "written as .png or .exr, films as .mp4, .gif "
+                              "or .webp",
                               out);
     if (s->n > 1 && !saga_is_numbered(out))
         return saga_cli_error(SAGA_EXIT_USAGE,
@@ -502,8 +503,8 @@ static const saga_cli_option option_list[] = {
     { "-o", "OUT",
       "the picture: .png (8 bits) or .exr (the same 8 bits as\n"
       "linear light). For several pictures put %d or %04d into\n"
-      "the name, or write a film, .mp4, for which ffmpeg is\n"
-      "needed",
+      "the name, or write a film, .mp4, or .gif or .webp without\n"
+      "sound, for which ffmpeg is needed",
       saga_cli_text, offsetof(options, out), 0, 0 },
     { "--camera", "NAME",
       "a camera of the file, by name or by number, 3 or rig:3\n"

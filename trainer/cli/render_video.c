@@ -20,11 +20,24 @@
 typedef struct {
     const char *ending;
     bool opacity;
-    const char *sound; /* its codec */
+    const char *sound; /* its codec; NULL: such a film is silent */
     const char *words[32];
 } film_kind;
 
 static const film_kind kinds[] = {
+    /* Pictures for pages, that begin anew at their end. In a GIF each has 256
+     * colours of its own, so that ffmpeg need not keep all of them. */
+    { ".gif",
+      false,
+      NULL,
+      { BEGIN,
+        "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1",
+        "-loop", "0", "-f", "gif", NULL } },
+    { ".webp",
+      false,
+      NULL,
+      { BEGIN, "null", "-c:v", "libwebp_anim", "-quality", "80", "-loop", "0",
+        "-f", "webp", NULL } },
     { ".mp4",
       false,
       "aac",
@@ -106,8 +119,10 @@ static void write_words(words *w, const saga_film_plan *plan, const char *out)
 bool saga_film_writer_open(saga_film_writer *w, const char *path,
                            const saga_film_plan *plan, saga_error *error)
 {
-    const saga_film_sound *const sound = &plan->sound;
     const film_kind *const kind = kind_of(path, plan->opacity);
+    const bool has_sound = plan->sound.file && kind->sound;
+    const saga_film_sound *const sound = has_sound ? &plan->sound
+                                                   : &(saga_film_sound){ 0 };
     words say;
     const char *const pictures[] = {
         "-pix_fmt", plan->opacity ? "rgba" : "rgb24",
@@ -126,7 +141,7 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
                                   .offset = sound->offset,
                                   .nbytes = sound->nbytes } },
                               kind->words,
-                              sound->file ? with_sound : silent };
+                              has_sound ? with_sound : silent };
 
     /* ffmpeg writes under the temporary name; the film appears when it ends. */
     if (!saga_output_open(&w->out, path, error))
@@ -147,7 +162,8 @@ static bool end_child(saga_film_writer *w, bool kill_it, saga_error *error)
     return (saga_child_end(&w->ffmpeg, kill_it) == 0 && !w->ffmpeg.tail[0]) ||
            saga_fail(error, w->out.path,
                      "check the free space of the disk and "
-                     "that ffmpeg has libx264, libvpx-vp9 or prores_ks",
+                     "that ffmpeg has libx264, libvpx-vp9, libwebp_anim or "
+                     "prores_ks",
                      "ffmpeg failed: %s", w->ffmpeg.tail);
 }
 
