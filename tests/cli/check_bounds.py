@@ -193,8 +193,8 @@ def main():
         checks.run(SAGA, "volume", "docs/demo.saga", "--find", "--azimuth",
                    SIDE, "--start", START, "-o", film)
         files["film.saga"] = read(film)
-    server, tab = browser.FileServer(files), browser.Browser()
-    try:
+    server = browser.FileServer(files)
+    with checks.tab() as tab:
         tab.call("Emulation.setDeviceMetricsOverride", width=640, height=480,
                  deviceScaleFactor=1, mobile=False)
         check_begin(tab, server.url)
@@ -202,10 +202,6 @@ def main():
         check_free(tab, server.url)
         check_tilt(tab, server.url)
         check_numbers(tab, server.url)
-        checks.complaints.extend(tab.log)
-        verdict("console")
-    finally:
-        tab.close()
     return 1 if checks.failed else 0
 
 

@@ -3,6 +3,7 @@
 are collected, and a verdict prints them with one line "ok   CHECKS NAME" or
 "FAIL CHECKS NAME"."""
 
+import contextlib
 import os
 import resource
 import signal
@@ -46,6 +47,19 @@ class Verdicts:
         if why:
             print("ok   %s skipped: %s" % (self.checks, why))
         return bool(why)
+
+    @contextlib.contextmanager
+    def tab(self):
+        """A tab of a browser, closed at the end. What its console said of
+        faults is the last verdict."""
+        import browser
+        tab = browser.Browser()
+        try:
+            yield tab
+            self.complaints.extend(tab.log)
+            self.verdict("console")
+        finally:
+            tab.close()
 
     def run(self, *command, status=0, says="", env=None, disk=None):
         """Runs a program, which must end with this status and say this; if the
