@@ -6,6 +6,7 @@
 #include "novel.h"
 #include "orbit.h"
 #include "output.h"
+#include "page_text.h"
 #include "picture.h"
 #include "pictures.h"
 #include "pose.h"
@@ -120,11 +121,7 @@ static void put_escaped(FILE *to, const char *text)
     char shown[SAGA_NOTES_NBYTES];
 
     saga_utf8_copy(shown, sizeof shown, text, strlen(text));
-    for (const char *c = shown; *c; c++)
-        if (strchr("<>&\"'", *c))
-            fprintf(to, "&#%d;", *c);
-        else
-            fputc(*c, to);
+    saga_page_put(to, shown);
 }
 
 /* Writes the lines of notes, each after the text that begins it. */

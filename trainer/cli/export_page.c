@@ -7,6 +7,7 @@
 #include "json_cli.h"
 #include "orbit.h"
 #include "output.h"
+#include "page_text.h"
 #include "picture.h"
 #include "utf8.h"
 #include "view_files.h"
@@ -53,26 +54,6 @@ static char *no_memory(const page *p)
     return NULL;
 }
 
-/* Writes the first n characters of a text into HTML, where quotes may surround
- * them. */
-static void put_escaped(FILE *f, const char *text, size_t n)
-{
-    for (const char *const end = text + n; text < end; text++)
-        switch (*text) {
-        case '&':
-            fputs("&amp;", f);
-            break;
-        case '<':
-            fputs("&lt;", f);
-            break;
-        case '"':
-            fputs("&quot;", f);
-            break;
-        default:
-            fputc(*text, f);
-        }
-}
-
 static char *title_of(const page *p)
 {
     char *text = NULL;
@@ -81,19 +62,41 @@ static char *title_of(const page *p)
 
     if (!f)
         return no_memory(p);
-    put_escaped(f, p->name, strlen(p->name));
+    saga_page_put(f, p->name);
     return fclose(f) == 0 ? text : (free(text), no_memory(p));
 }
 
 static void put_tag(FILE *f, const char *name, const char *text)
 {
     fprintf(f, "\n<meta property=\"og:%s\" content=\"", name);
-    put_escaped(f, text, strlen(text));
+    saga_page_put(f, text);
     fputs("\">", f);
 }
 
-/* Returns the tags of The Open Graph Protocol, ogp.me. The picture's address
- * has to be a whole one; it lies beside the page. */
+/* Writes the tags of the picture for links, which lies beside the page: its
+ * address has to be a whole one. Returns false if memory is short. */
+static bool put_picture_tags(FILE *f, const page *p, const char *address)
+{
+    const char *const host = strstr(address, "://") + 3;
+    const char *const slash = strrchr(host, '/');
+    const size_t n = slash ? (size_t)(slash - address) : strlen(address);
+    char side[16];
+    char *const at = saga_page_address(address, n, saga_path_base(p->picture),
+                                       p->error);
+
+    if (!at)
+        return false;
+    put_tag(f, "image", at);
+    (void)snprintf(side, sizeof side, "%d", p->camera.width);
+    put_tag(f, "image:width", side);
+    (void)snprintf(side, sizeof side, "%d", p->camera.height);
+    put_tag(f, "image:height", side);
+    fputs("\n<meta name=\"twitter:card\" content=\"summary_large_image\">", f);
+    free(at);
+    return true;
+}
+
+/* Returns the tags of The Open Graph Protocol, ogp.me. */
 static char *tags_of(const page *p, const char *address)
 {
     const saga_info *const i = &p->film->info;
@@ -101,9 +104,11 @@ static char *tags_of(const page *p, const char *address)
     char *text = NULL, about[80];
     size_t n;
     FILE *const f = open_memstream(&text, &n);
+    bool ok;
 
     if (!f)
         return no_memory(p);
+    /* Tenths are told of short films only. */
     (void)snprintf(about, sizeof about, "%.*f second%s of volumetric video",
                    seconds < 100 && seconds != rint(seconds), seconds,
                    seconds == 1 ? "" : "s");
@@ -111,29 +116,10 @@ static char *tags_of(const page *p, const char *address)
     put_tag(f, "title", p->name);
     put_tag(f, "description", about);
     put_tag(f, "url", address);
-    if (p->picture) {
-        const char *const host = strstr(address, "://") + 3;
-        const char *const slash = strrchr(host, '/');
-        const size_t base = slash ? (size_t)(slash - address) : strlen(address);
-        const char *const name = saga_path_base(p->picture);
-
-        fputs("\n<meta property=\"og:image\" content=\"", f);
-        put_escaped(f, address, base);
-        fputc('/', f);
-        for (const char *c = name; *c; c++)
-            if (strchr("-._~", *c) || (*c >= '0' && *c <= '9') ||
-                ((*c | 32) >= 'a' && (*c | 32) <= 'z'))
-                fputc(*c, f);
-            else
-                fprintf(f, "%%%02X", (unsigned)(unsigned char)*c);
-        fprintf(
-            f,
-            "\">\n<meta property=\"og:image:width\" content=\"%d\">"
-            "\n<meta property=\"og:image:height\" content=\"%d\">"
-            "\n<meta name=\"twitter:card\" content=\"summary_large_image\">",
-            p->camera.width, p->camera.height);
-    }
-    return fclose(f) == 0 ? text : (free(text), no_memory(p));
+    ok = !p->picture || put_picture_tags(f, p, address);
+    /* The stream's memory is there when it is closed. */
+    ok = fclose(f) == 0 && ok;
+    return ok ? text : (free(text), no_memory(p));
 }
 
 /* Returns what the page is told about the film, its name, as JSON. */
@@ -185,8 +171,7 @@ static char *poster_url(const page *p)
     return text;
 }
 
-/* --- The page --------------------------------------------------------------
- */
+/* --- The page ------------------------------------------------------------ */
 
 /* Writes the page with a text at each place. */
 static void put_page(FILE *f, const saga_view_file *file, char *const *texts)

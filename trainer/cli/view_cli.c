@@ -13,6 +13,7 @@
 #include "file.h"
 #include "follow.h"
 #include "json_memory.h"
+#include "page_text.h"
 #include "train.h"
 #include "view.h"
 #include "view_code.h"
@@ -84,25 +85,13 @@ static void catch_signals(void)
 
 /* --- The user's file ----------------------------------------------------- */
 
-/* Returns "film/NAME". In NAME everything except letters, digits and . - _ is
- * written as %XX. The caller frees it. */
+/* Returns "film/NAME", an address of the server. The caller frees it. */
 static char *path_of(const char *name, saga_error *error)
 {
-    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
-                                "UVWXYZ0123456789.-_";
-    const char *p = saga_path_base(name);
-    /* "film/" and its NUL take 6 bytes, each character at most three. */
-    const size_t nbytes = 6 + 3 * strlen(p);
-    char *const path = saga_alloc(nbytes, 1, name, error);
-    char *to = path;
+    static const char folder[] = "film";
 
-    if (!path)
-        return NULL;
-    to += sprintf(to, "film/");
-    for (; *p; p++)
-        to += strchr(plain, *p) ? sprintf(to, "%c", *p)
-                                : sprintf(to, "%%%02X", (uint8_t)*p);
-    return path;
+    return saga_page_address(folder, strlen(folder), saga_path_base(name),
+                             error);
 }
 
 /* Adds { "camera": i, "frame": 0, "crc": "..." } for the pictures of the first

@@ -170,7 +170,7 @@ static bool find_degree(int *degree, const saga_ply *ply, saga_error *error)
                                      n);
 }
 
-/* What the comments of a file of moving splats say. */
+/* Properties of a file of moving splats, from the comments of its header. */
 typedef struct {
     unsigned n_frames, use_velocity;
     bool normalized;

@@ -162,6 +162,7 @@ static double fit_line(double x[3], double v[3], samples *s, double time)
 {
     double sum = 0.0, middle = 0.0, square = 0.0, mean[3] = { 0 };
 
+    /* The weighted means of time and position, through which the line goes. */
     for (int i = 0; i < s->n; i++) {
         sum += s->weight[i];
         middle += s->weight[i] * s->time[i];
@@ -173,6 +174,7 @@ static double fit_line(double x[3], double v[3], samples *s, double time)
         mean[k] /= sum;
         v[k] = 0.0;
     }
+    /* v = sum w d (x - mean) / sum w d^2, with d the time from the middle. */
     for (int i = 0; i < s->n; i++) {
         const double d = s->time[i] - middle;
 
@@ -184,6 +186,7 @@ static double fit_line(double x[3], double v[3], samples *s, double time)
         v[k] = square > 0.0 ? v[k] / square : 0.0;
         x[k] = mean[k] + v[k] * (time - middle);
     }
+    /* Distances from the line, for the report. */
     for (int i = 0; i < s->n; i++)
         for (int k = 0; k < 3; k++) {
             const double off = s->at[i].x[k] - x[k] -
@@ -255,6 +258,8 @@ bool saga_film_moving(saga_cloud *cloud, double *rms,
                          "has %" PRIu32 " segments, of which a file of moving "
                          "splats holds one",
                          film->info.n_segments);
+    /* The colours and memory of all primitives; those never drawn are left
+     * out. */
     ok = take_times(&s, film, error);
     if (ok) {
         (void)saga_tell(&report, film->dec);
