@@ -18,6 +18,8 @@
 #   metrics    docs/metrics.md has a row for each metric of saga eval
 #   findings   docs/troubleshooting.md has a row for each finding of saga check,
 #              and none besides
+#   remedies   its last table has the first word of each remedy of saga check
+#              and saga encode, and none besides (remedies.py)
 #   reference  docs/api.md is what tools/api_page.py makes of the sources
 set -eu
 cd "${1:-$(dirname "$0")/..}"
@@ -155,7 +157,7 @@ for name in ("judge", "pictures"):
         notes.append(kinds[kind] if words(kinds[kind]) else item)
     found += [words(n) for n in notes]
 with open("docs/troubleshooting.md") as f:
-    page = f.read().partition("| finding |")[2]
+    page = f.read().partition("| finding |")[2].partition("## ")[0]
 rows = re.findall(r"^\| ([^|]*) \|", page, re.M)
 # One note begins with a choice of words, which the third pattern finds.
 for finding in sorted((set(found) - {"..."}) ^ set(rows)):
@@ -163,6 +165,10 @@ for finding in sorted((set(found) - {"..."}) ^ set(rows)):
         "no row" if finding in found else "no finding of saga check"))
 PYTHON
 verdict findings
+
+# ---- remedies
+python3 tests/remedies.py >"$tmp/bad" || :
+verdict remedies
 
 # ---- reference
 if python3 tools/api_page.py "$tmp/api.md" 2>"$tmp/bad"; then

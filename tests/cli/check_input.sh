@@ -584,7 +584,7 @@ done
 kill -INT "$pid"
 wait "$pid"
 [ $? = 2 ] || complain "Ctrl-C without a checkpoint: $(cat err)"
-tail -n 1 err | grep -q 'no checkpoint could be written; the training is lost' ||
+tail -n 1 err | grep -q 'the training is lost, since no checkpoint could be written' ||
     complain "Ctrl-C without a checkpoint: $(tail -n 1 err)"
 [ "$(ls d)" = x.saga.ckpt ] || complain "Ctrl-C leaves $(ls d)"
 set +m

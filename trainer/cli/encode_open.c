@@ -378,7 +378,7 @@ static int open_training(saga_encode_session *s)
     if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
         return saga_cli_error(SAGA_EXIT_USAGE,
                               "encode: a file of %zu bytes "
-                              "is too small for networks and header; ask for "
+                              "is too small for networks and header; give "
                               "%d or more",
                               t.n_bytes, LEAST_SIZE);
     s->plan.wanted = t.n_bytes;

@@ -94,18 +94,18 @@ int saga_encode_stopped(const saga_encode_session *s)
 {
     if (saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE,
-                              "encode: stopped by %s; the "
-                              "same command with --resume continues from %s%s",
+                              "encode: stopped by %s; continue "
+                              "from %s by the same command with --resume%s",
                               *s->progress.signal == SIGINT ? "Ctrl-C"
                                                             : "a signal",
                               s->checkpoint,
                               s->o->sweep || saga_encode_is_part(s->o)
                                   ? ""
-                                  : ", and with --resume --finish it makes a "
-                                    "file of what there is");
+                                  : ", or make a file of what there is with "
+                                    "--resume --finish");
     return saga_cli_error(SAGA_EXIT_USAGE,
-                          "encode: stopped, but no "
-                          "checkpoint could be written; the training is lost");
+                          "encode: stopped, and the training is lost, since no "
+                          "checkpoint could be written");
 }
 
 /* --- The capture ---------------------------------------------------------- */
@@ -181,8 +181,8 @@ int saga_encode_not_loaded(const saga_encode_session *s)
         return saga_encode_stopped(s);
     if (*s->progress.signal)
         return saga_cli_error(SAGA_EXIT_USAGE,
-                              "encode: stopped while loading "
-                              "the capture; nothing was written");
+                              "encode: stopped while loading the capture, and "
+                              "nothing was written; give the command again");
     return saga_encode_failed(s, SAGA_EXIT_DATA);
 }
 

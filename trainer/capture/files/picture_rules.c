@@ -44,7 +44,7 @@ bool saga_check_same_size(const char *path, int width, int height,
 {
     if (width == expected_width && height == expected_height)
         return true;
-    return saga_fail(error, path, "all pictures of a camera must have one size",
+    return saga_fail(error, path, "give all pictures of a camera one size",
                      "is %d x %d pixels, expected %d x %d", width, height,
                      expected_width, expected_height);
 }

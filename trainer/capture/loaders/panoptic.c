@@ -173,7 +173,7 @@ static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
     /* A known camera is read again, to check that it has not moved. */
     return fill_camera(r, &now, t, c) &&
            (same_camera(s, &now) ||
-            saga_fail(r->error, r->path, "saga needs cameras that stand still",
+            saga_fail(r->error, r->path, "use cameras that stand still",
                       "camera %d moves: it has another k or w2c at moment %zu",
                       (int)id, t));
 }

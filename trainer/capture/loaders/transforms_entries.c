@@ -303,8 +303,8 @@ static bool all_known(const saga_transforms *r, const char *key,
         i++;
     free(files);
     return i == n || saga_fail(r->error, r->path,
-                               "names stand there as they "
-                               "do in a frame's file_path",
+                               "write names as they stand "
+                               "in a frame's file_path",
                                "\"%s\" lists "
                                "\"%.200s\", which is no frame's picture",
                                key, names[i]);

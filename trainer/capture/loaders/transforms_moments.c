@@ -48,7 +48,7 @@ static bool find_moment(const saga_transforms *r, const saga_entry *e,
     const double near = start + step * *k;
     return fabs(e->time - near) <= 0.25 * step ||
            saga_fail(r->error, r->path,
-                     "pictures must be synchronous and "
+                     "give pictures that are synchronous and "
                      "evenly spaced in time",
                      "time %g of %s is not near %g, "
                      "that of frame %d",
@@ -74,8 +74,8 @@ static bool place_entries(saga_transforms *r, int n, bool timed)
         saga_entry **const to = &r->at[e->view * n + k];
         if (twice || *to)
             return saga_fail(r->error, r->path,
-                             "one picture per camera and "
-                             "moment",
+                             "keep one picture for each "
+                             "camera and moment",
                              "%s and %s have one pose and one time "
                              "%g",
                              e[-1].file, e->file, e->time);

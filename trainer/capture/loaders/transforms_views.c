@@ -150,7 +150,7 @@ static bool check_counts(const saga_transforms *r)
         /* A camera may lack up to half of its pictures. */
         if (2 * n < most)
             return saga_fail(r->error, r->path,
-                             "every camera needs a picture "
+                             "give every camera a picture "
                              "of every moment, with one pose",
                              "unequal frame counts: camera of %s has %d, "
                              "camera of %s has %d",

@@ -69,8 +69,8 @@ bool saga_check_hands(const saga_listing *listing, saga_error *told,
     const bool mixed = n < listing->n_sources;
     saga_fail(mixed || !told ? error : told, listing->path,
               mixed ? "export all poses again, with right-handed axes"
-                    : "a left-handed program wrote them: export them with "
-                      "right-handed axes; `saga check` finds by the pictures "
+                    : "export them with right-handed axes, since a left-handed "
+                      "program wrote them; `saga check` finds by the pictures "
                       "which axis is reversed, and --fix writes correct "
                       "cameras",
               "the poses of %d of %d cameras, among them %s, are mirror "
@@ -93,9 +93,9 @@ static bool overlap_by_points(saga_capture *capture, const char *path,
     const bool flipped = count_shared(capture, -1.0) > n / 2;
     return saga_fail(
         error, path,
-        flipped ? "the poses look like the other axis convention: "
-                  "negate columns 1 and 2 of the camera-to-world "
-                  "matrices"
+        flipped ? "correct their axes, which look like the other "
+                  "convention: negate columns 1 and 2 of the "
+                  "camera-to-world matrices"
                 : "check the poses, their axis convention and that the "
                   "points are in the same world",
         "no overlap: only %zu of %zu points lie in front of and "

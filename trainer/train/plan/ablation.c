@@ -20,7 +20,7 @@ enum { N_WORDS = sizeof words / sizeof *words };
 
 #define NAME(member, word, value, most, help) word ", "
 
-static const char remedy[] = "the valid words are " SAGA_ABLATION_WORDS(
+static const char remedy[] = "use the words " SAGA_ABLATION_WORDS(
     NAME) "see `saga help encode --all`";
 
 /* Reads a word of n characters. Returns false if it is unknown or its number is

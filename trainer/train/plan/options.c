@@ -69,7 +69,7 @@ static bool check_iterations(const saga_train_options *o, saga_error *error)
     return o->minutes > 0 ||
            (split ? o->n_warm >= 1 && o->n_render >= 1
                   : o->n_iterations >= 2) ||
-           saga_fail(error, NULL, "each stage needs one at least",
+           saga_fail(error, NULL, "give each stage one at least",
                      "too few --iterations");
 }
 

@@ -79,7 +79,7 @@ static bool load_blind(saga_train *t, saga_train_header *h,
         return false;
     }
     if (h->stage >= SAGA_TRAIN_N_STAGES)
-        return saga_fail(error, c->path, "`saga encode --networks` takes it",
+        return saga_fail(error, c->path, "give it to `saga encode --networks`",
                          "holds the networks of a finished training");
     /* Error messages name the path of the checkpoint. */
     t->o.checkpoint = c->path;
