@@ -7,6 +7,7 @@
 import './player.js';
 import { FORMAT, parsePath } from './path.js';
 import { heightOf, widthOf } from './camera.js';
+import { pressKey } from './keys.js';
 import { visible } from './source.js';
 import { followTraining } from './training.js';
 import { carriedFilm, wholePage } from './whole.js';
@@ -355,7 +356,7 @@ function onKey(event) {
         event.target.matches('input, select'))
         return;
     if (!call) {
-        player.onKey(event);
+        pressKey(player, event);
         return;
     }
     call();

@@ -18,8 +18,9 @@
 // the width. Elements in it with slot="buttons" are added to the bar.
 // player.d.ts has all of them.
 
-import { addControls, moveByKey } from './controls.js';
+import { addControls } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
+import { pressKey } from './keys.js';
 import { MARKUP, STYLE } from './markup.js';
 import { trust } from './places.js';
 import { Sound } from './sound.js';
@@ -32,11 +33,18 @@ import { enterHeadset, hasHeadset } from './xr.js';
 const REST_MS = 2500; // time without a pointer movement, until the bar
                       // disappears
 const MOST_PARTS = 400; // of the bar; each stands for as many segments
-const SKIP = 1; // seconds for an arrow key on the bar
 
 // Values of readyState, as of a video.
 const HAVE_NOTHING = 0, HAVE_METADATA = 1, HAVE_FUTURE_DATA = 3,
     HAVE_ENOUGH_DATA = 4;
+
+const pausedBefore = () =>
+    new DOMException('paused before it played', 'AbortError');
+
+// Rejects when the signal is aborted.
+const aborted = (signal) => new Promise((_, reject) => {
+    signal.addEventListener('abort', () => reject(signal.reason));
+});
 
 // A server that renders pages imports this module, too, and has no elements.
 const Base = globalThis.HTMLElement ?? class {};
@@ -62,6 +70,8 @@ export class SagaPlayer extends Base {
         this.watcher = new ResizeObserver(() => this.fit());
         this.isSeen = false; // or nearly
         this.isDue = false;  // the film of `src` is opened when it is seen
+        this.isHeld = false; // it was paused, so that it does not autoplay
+        this.pausing = new AbortController(); // of what play() waits for
         this.seenBy = new IntersectionObserver((entries) => {
             this.isSeen = entries.at(-1).isIntersecting;
             this.attend();
@@ -161,7 +171,7 @@ export class SagaPlayer extends Base {
         this.$('full').hidden = !document.fullscreenEnabled;
         on('headset', 'click', () => this.enterHeadset());
         this.$('headset').hidden = true;
-        this.addEventListener('keydown', (event) => this.onKey(event));
+        this.addEventListener('keydown', (event) => pressKey(this, event));
         for (const type of ['pointermove', 'pointerdown', 'keydown'])
             this.addEventListener(type, () => this.showBar());
     }
@@ -177,6 +187,7 @@ export class SagaPlayer extends Base {
     load() {
         this.viewer.clear();
         this.opening = null;
+        this.isHeld = false;
         this.showPoster(this.getAttribute('poster'));
         this.isDue = this.preload !== 'none';
         this.attend();
@@ -209,6 +220,7 @@ export class SagaPlayer extends Base {
     // Opens a URL or a File. If it fails, it rejects with an error whose
     // message is a sentence.
     open(source) {
+        this.isHeld = this.isHeld && this.isDue;
         this.isDue = false;
         this.tell('opening');
         this.showPoster(this.getAttribute('poster'));
@@ -241,7 +253,7 @@ export class SagaPlayer extends Base {
             this.getAttribute('camera') ?? viewer.start));
         this.emit('durationchange');
         this.emit('loadedmetadata');
-        if (this.hasAttribute('autoplay') && !still)
+        if (this.hasAttribute('autoplay') && !still && !this.isHeld)
             viewer.play();
         this.attend();
     }
@@ -391,7 +403,7 @@ export class SagaPlayer extends Base {
                 () => this.toggleAttribute('resting', true), REST_MS);
     }
 
-    // --- Keys
+    // --- What buttons and keys do
 
     toggle() {
         if (this.viewer.playing)
@@ -445,70 +457,30 @@ export class SagaPlayer extends Base {
         this.viewer.seek(frame);
     }
 
-    // Seeks by a key that was pressed on the bar; returns whether it does that.
-    seekByKey(key) {
-        const { info, frame } = this.viewer;
-        const skip = SKIP * info.fps;
-        const to = { ArrowLeft: frame - skip, ArrowDown: frame - skip, Home: 0,
-            ArrowRight: frame + skip, ArrowUp: frame + skip,
-            End: info.nFrames - 1 }[key];
-
-        if (to === undefined)
-            return false;
-        this.seek(to);
-        return true;
-    }
-
-    // Handles keys of the element, and of a page that consists of a player.
-    onKey(event) {
-        const { viewer } = this;
-        const [at] = event.composedPath();
-        const onBar = event.composedPath().includes(this.$('bar'));
-        const digit = Number(event.key);
-        const calls = {
-            ' ': () => this.toggle(),
-            ',': () => this.step(-1),
-            '.': () => this.step(1),
-            f: () => this.toggleFull(),
-            m: () => this.sound.toggle(),
-            v: () => this.enterHeadset(),
-            r: () => viewer.selectCamera(viewer.camera),
-            g: () => viewer.setExact(!viewer.exact),
-        };
-
-        if (event.key === ' ' && !viewer.info && !onBar)
-            this.toggle();
-        if (!viewer.info || event.defaultPrevented || event.ctrlKey ||
-            event.metaKey || event.altKey || at.matches?.('select') ||
-            (at.matches?.('input') && at !== this.$('time')) ||
-            (event.key === ' ' && at.matches?.('button')))
-            return;
-        if (onBar && this.seekByKey(event.key)) {
-            event.preventDefault();
-            return;
-        }
-        if (digit >= 1 && digit <= 9 && digit <= viewer.rig.length)
-            viewer.selectCamera(digit - 1);
-        else if (calls[event.key.toLowerCase()])
-            calls[event.key.toLowerCase()]();
-        else if (!moveByKey(viewer, event.key))
-            return;
-        event.preventDefault();
-    }
-
     // --- For scripts
 
     // Resolves when the film plays; rejects if it cannot be opened, or if it is
     // paused before.
     async play() {
+        const { signal } = this.pausing;
+
         if (!this.viewer.info)
-            await (this.opening && !this.error ? this.opening
-                : this.open(this.src));
+            await Promise.race([aborted(signal), this.opening && !this.error
+                ? this.opening : this.open(this.src)]);
+        signal.throwIfAborted();
         this.viewer.play();
         await this.drawn();
         if (this.paused && !this.ended)
-            throw new DOMException('paused before it played', 'AbortError');
+            throw pausedBefore();
         this.emit('playing');
+    }
+
+    // Also a film that is not open yet stays paused.
+    pause() {
+        this.isHeld = true;
+        this.pausing.abort(pausedBefore());
+        this.pausing = new AbortController();
+        this.viewer.pause();
     }
 
     // Resolves when the next picture is drawn, or the film is paused.
@@ -529,7 +501,6 @@ export class SagaPlayer extends Base {
         });
     }
 
-    pause() { this.viewer.pause(); }
     toState() { return this.viewer.toState(); }
     setState(line) { return this.viewer.setState(line); }
 

@@ -26,8 +26,8 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
               if the device shows few pictures however small they are
   element     attributes, properties and events work as documented; users who
               prefer reduced motion get no autoplay
-  video       it behaves as a <video>: play() opens and resolves or rejects,
-              readyState, buffered, seeking, an error with a code; arrow keys on
+  video       it behaves as a <video>: play() opens and resolves or rejects, a
+              pause() before the film is open wins, readyState, buffered, seeking, an error with a code; arrow keys on
               the bar seek and leave the camera alone
   keys, touch keys and fingers move the camera, also in a tall window
   state       a line of text stores camera and time, from which they are
@@ -513,6 +513,21 @@ def check_video(tab):
         player.pause();
         return told.then(() => 'nothing', (e) => e.name === 'AbortError' || e);
     })()""")
+    for given in {"preload": "none"}, {"autoplay": ""}:
+        tab.run(PUT % json.dumps({"src": "/" + DEMO, **given}))
+        expect(tab, "play() before the film is open, and pause(), give", """
+            (async () => {
+                const first = player.play().catch((e) => e.name);
+                player.pause();
+                const isOpen = Boolean(player.info);
+                return await first === 'AbortError' && !isOpen &&
+                    !player.info || [await first, isOpen];
+            })()""")
+        settle(tab)
+        expect(tab, "then the film is not paused:", "player.paused && "
+               "!told.includes('play') || told")
+    expect(tab, "play() after that does not play:",
+           "player.play().then(() => !player.paused)")
     expect(tab, "play() of nothing gives", """(() => {
         player.src = '/none.saga';
         return player.play().then(() => 'nothing',
