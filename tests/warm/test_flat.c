@@ -813,6 +813,32 @@ TEST(background_should_be_what_is_frequent)
         assert_near(camera.background[k], sheet[k] / 255.0, 1e-6);
 }
 
+/* Of 1,000 iterations 300 draw pictures of 600 pixels at a quarter and a half
+ * of their width, and take 0.2 + 0.8 / 16 and 0.2 + 0.8 / 4 of the time of the
+ * others. Births take 150 more, 0.6 in each of the first 250. */
+TEST(small_pictures_should_count_less)
+{
+    saga_source_view view = { .width = 600 };
+    saga_capture c = { .views = &view, .n_views = 1 };
+    int first = 0;
+    const saga_pictures p = { .capture = &c, .train = &first, .n_train = 1 };
+    const saga_flat_options o = { .n_iterations = 1000, .coarse = R(0.3) };
+    static const struct {
+        int n;
+        double work;
+    } rows[] = { { 0, 0 },
+                 { 100, 25 + 60 },
+                 { 150, 37.5 + 90 },
+                 { 200, 37.5 + 20 + 120 },
+                 { 300, 37.5 + 60 + 150 },
+                 { 1000, 37.5 + 60 + 700 + 150 } };
+
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        assert_near(saga_flat_work(&p, &o, rows[i].n), rows[i].work, 1e-3);
+    view.width = 299;
+    assert_near(saga_flat_work(&p, &o, 100), 100 + 60, 1e-9);
+}
+
 /* --- Operators ----------------------------------------------------------- */
 
 TEST(truth_should_be_the_mean_of_boxes)

@@ -59,6 +59,10 @@ int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);
 /* Returns how many times pictures are halved at an iteration. */
 int saga_flat_mip_at(const saga_flat *flat, int iteration);
+/* Returns the time of the first iterations of a set with these options, in
+ * iterations that draw whole pictures. */
+double saga_flat_work(const saga_pictures *pictures,
+                      const saga_flat_options *options, int n_iterations);
 
 /* Return the iteration from which on the number of primitives is reduced to
  * n_primitives; and change n_primitives, at most to a sixteenth of it. The

@@ -19,7 +19,6 @@
 
 enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 
-#define GROW_END 0.25
 #define FIRST_PRUNE 0.35
 #define PRUNE_STEP 0.1
 #define FROM_PIXELS 0.9 /* part of the new primitives */
@@ -366,7 +365,7 @@ static bool grow_from_pixels(saga_flat *f, uint32_t n, saga_error *error)
 static uint32_t target_at(const saga_flat *f, int iteration)
 {
     const double n = f->o.n_primitives;
-    const double end = GROW_END * f->o.n_iterations;
+    const double end = FLAT_GROW_END * f->o.n_iterations;
     const double k = iteration / end;
     const double start = (double)f->o.start, peak = (double)f->o.growth;
 
@@ -396,7 +395,7 @@ static bool grow(saga_flat *f, saga_error *error)
 
 static int round_length(const saga_flat *f)
 {
-    const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
+    const int n = (int)(FLAT_GROW_END * f->o.n_iterations / N_ROUNDS);
 
     /* There are N_ROUNDS rounds of growing, but each has at least 25 pictures,
      * for sufficient statistics, and at most 250. */
@@ -492,7 +491,7 @@ bool saga_flat_change_count(saga_flat *f, saga_error *error)
      * statistics. */
     if (!ok || !is_round(f))
         return ok;
-    if (at <= GROW_END * n)
+    if (at <= FLAT_GROW_END * n)
         ok = grow(f, error);
     halve(f);
     return ok;

@@ -278,6 +278,30 @@ int saga_flat_mip_at(const saga_flat *f, int iteration)
     return mips - (int)(iteration * mips / coarse);
 }
 
+double saga_flat_work(const saga_pictures *p, const saga_flat_options *o,
+                      int n_iterations)
+{
+    /* This part of an iteration's time follows the pixels: a picture of half
+     * the width takes 0.39 and 0.40 of the time with 20,000 and 100,000
+     * primitives at 1352x1014, and 0.4 by this. Placing all primitives takes as
+     * long as this many iterations (130 with 12,000 at 676x507). */
+    const double by_pixels = 0.8, births = 150;
+    const int mips = most_mips(p);
+    const double each = mips ? (double)o->coarse * o->n_iterations / mips : 0;
+    const double growing = FLAT_GROW_END * o->n_iterations;
+    double work = n_iterations, pixels = 1;
+
+    /* The smallest pictures come first. */
+    for (int mip = 1; mip <= mips; mip++) {
+        const double before = each * (mips - mip);
+
+        pixels /= 4;
+        work -= by_pixels * (1 - pixels) *
+                fmin(fmax(n_iterations - before, 0), each);
+    }
+    return work + (o->given ? 0 : births * fmin(n_iterations / growing, 1));
+}
+
 real saga_flat_rate(const saga_flat *f, int attr)
 {
     const saga_flat_rule *const r = &f->rule[attr];

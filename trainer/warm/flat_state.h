@@ -18,6 +18,9 @@ enum {
     FLAT_RNG_EXPOSURE
 };
 
+/* Primitives are added in this part of the iterations, the first. */
+#define FLAT_GROW_END 0.25
+
 /* How an attribute is trained in one set. */
 typedef struct saga_flat_rule {
     real lo, hi;         /* values are clamped to this range */

@@ -11,10 +11,6 @@
 
 #include <math.h>
 
-/* The relative cost of an iteration in each stage, from which the remaining
- * time is estimated. */
-static const double cost[SAGA_TRAIN_N_STAGES] = { 1, SAGA_RENDER_COST, 0 };
-
 /* The relative cost of a picture of the polish, which follows the rendering
  * stage: 0.3 of an iteration (measured with 100,000 primitives). */
 #define POLISH_COST (0.3 * SAGA_RENDER_COST)
@@ -115,47 +111,38 @@ int saga_train_iteration(const saga_train *t)
                                           : sum;
 }
 
-/* Returns the work of a stage and what follows it, in iterations of the
- * warm-up. Polished is a segment that makes the networks, without layers. */
-static double work_of(const saga_train *t, int stage)
+/* Returns the work of the rendering stage and the polish that follows it, in
+ * iterations of the warm-up. Polished is a segment that makes the networks,
+ * without layers. */
+static double work_of_render(const saga_train *t)
 {
-    const bool polished = stage == SAGA_TRAIN_RENDER && t->turn == 0 &&
-                          !t->base.n_prim && t->o.n_layers <= 1;
-    const int n = saga_train_stage_iterations(t, (saga_train_stage)stage);
+    const bool polished = t->turn == 0 && !t->base.n_prim && t->o.n_layers <= 1;
 
-    return cost[stage] * n +
-           (polished
-                ? POLISH_COST * saga_fit_polish_draws(n, t->pictures.n_there)
-                : 0);
+    return SAGA_RENDER_COST * t->o.n_render +
+           (polished ? POLISH_COST * saga_fit_polish_draws(t->o.n_render,
+                                                           t->pictures.n_there)
+                     : 0);
 }
 
-/* Returns the work done, in iterations of the warm-up. */
+/* Returns the work done on a segment, in iterations of the warm-up, of which
+ * packing takes none. */
 static double work_done(const saga_train *t)
 {
-    double sum = 0;
-
-    /* The finished stages, then the finished part of this one. */
-    for (int s = 0; s < (int)t->stage; s++)
-        sum += work_of(t, s);
-    return t->stage < SAGA_TRAIN_N_STAGES
-               ? sum + cost[t->stage] * saga_train_stage_iteration(t)
-               : sum;
-}
-
-static double work_of_all(const saga_train *t)
-{
-    double sum = 0;
-
-    for (int s = 0; s < SAGA_TRAIN_N_STAGES; s++)
-        sum += work_of(t, s);
-    return sum;
+    if (t->stage == SAGA_TRAIN_WARM)
+        return saga_train_warm_work(t, false);
+    return saga_train_warm_work(t, true) +
+           (t->stage == SAGA_TRAIN_RENDER
+                ? SAGA_RENDER_COST * saga_fit_iteration(t->render.fit)
+                : work_of_render(t));
 }
 
 double saga_train_part_done(const saga_train *t)
 {
+    const double all = saga_train_warm_work(t, true) + work_of_render(t);
+
     /* All turns count as taking equal time: one for each segment and, with a
      * base, one for the base and a second one for the first segment. */
-    return (t->turn + work_done(t) / work_of_all(t)) /
+    return (t->turn + work_done(t) / all) /
            (t->o.networks ? t->turn + 1
                           : saga_train_n_turns(t, t->base.n_prim > 0));
 }

@@ -43,18 +43,34 @@ int saga_train_warm_iteration(const saga_train *t)
            saga_flat_iteration(t->warm.flat);
 }
 
-/* Returns the options of the set in training: the next teacher, or the
- * warm-up. */
-static saga_flat_options options_of(const saga_train *t)
+static saga_flat_options lesson(const saga_train *t)
 {
     const saga_rng r = saga_rng_stream(t->o.seed, STREAM_TEACHER);
     saga_flat_options o = t->warm.options;
 
-    if (saga_train_is_teaching(t)) {
-        o.n_iterations = saga_plan_teacher_length(t->o.n_warm);
-        o.seed = saga_rng_bits(r, (uint64_t)t->warm.novel.n_teachers);
-    }
+    o.n_iterations = saga_plan_teacher_length(t->o.n_warm);
+    o.seed = saga_rng_bits(r, (uint64_t)t->warm.novel.n_teachers);
     return o;
+}
+
+/* Returns the options of the set in training: the next teacher, or the
+ * warm-up. */
+static saga_flat_options options_of(const saga_train *t)
+{
+    return saga_train_is_teaching(t) ? lesson(t) : t->warm.options;
+}
+
+double saga_train_warm_work(const saga_train *t, bool all)
+{
+    const saga_flat_options taught = lesson(t), now = options_of(t);
+    const int n = all ? t->warm.n_teachers : t->warm.novel.n_teachers;
+    const double before = n * saga_flat_work(&t->pictures, &taught,
+                                             taught.n_iterations);
+
+    return before + (all ? saga_flat_work(&t->pictures, &t->warm.options,
+                                          t->warm.options.n_iterations)
+                         : saga_flat_work(&t->pictures, &now,
+                                          saga_flat_iteration(t->warm.flat)));
 }
 
 /* Only the warm-up sees the pictures that teachers draw; teachers do not. */

@@ -157,6 +157,9 @@ bool saga_train_is_teaching(const saga_train *t);
  * number done. */
 int saga_train_warm_iterations(const saga_train *t);
 int saga_train_warm_iteration(const saga_train *t);
+/* Returns the work of teachers and warm-up so far, or all of it, in iterations
+ * that draw whole pictures. */
+double saga_train_warm_work(const saga_train *t, bool all);
 /* Makes t->warm.flat, which is the next teacher or the warm-up. */
 bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
