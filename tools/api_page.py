@@ -25,6 +25,7 @@ MODULES = (
     ("saga-web/engine.js", "web/engine.d.ts"),
     ("saga-three", "three/saga_three.d.ts"),
     ("saga-three/spark.js", "three/saga_spark.d.ts"),
+    ("saga-three/splats.js", "three/saga_splats.d.ts"),
     ("saga-playcanvas", "playcanvas/saga_playcanvas.d.ts"),
     ("saga-playcanvas/gsplat.js", "playcanvas/saga_gsplat.d.ts"),
 )

@@ -221,8 +221,8 @@ export class SagaMesh extends THREE.Mesh {
 
     onBeforeRender(renderer, scene, camera) {
         if (!renderer.isWebGLRenderer)
-            throw new Error('a SagaMesh is drawn by a WebGLRenderer; others ' +
-                'take no GLSL');
+            throw new Error('a SagaMesh is drawn by a WebGLRenderer; a ' +
+                'WebGPURenderer draws SagaSplats of saga-three/splats.js');
         const { uniforms } = this.material;
         const { x, y, z, w } = viewportOf(renderer, this.viewport);
         const projection = camera.projectionMatrix.elements;

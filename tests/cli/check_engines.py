@@ -25,6 +25,9 @@ plays the demo,
                  splat renderers have a PSNR of at least 30 dB, also at once
                  when the time changes; these renderers do not support the steep
                  falloff of our splats
+  splats WebGL, splats WebGPU  so have the pictures of the splat renderer that
+                 three.js has itself, with both backends of its WebGPURenderer,
+                 and the walls hide the same
   spark files    Spark reads the splats of a frame that `saga export` wrote as
                  PLY, compressed PLY, SPZ and SOG
 The engines' own renderers of splats and Spark's readers are asked in `make
@@ -55,6 +58,10 @@ SIZE = 320, 180         # of the demo's cameras
 ENGINES = {
     "three": (
         ("three", "0.187.0", ("build/three.module.js", "build/three.core.js",
+                              "build/three.webgpu.js", "build/three.tsl.js",
+                              "examples/jsm/gpgpu/CountingSort.js",
+                              "examples/jsm/objects/GaussianSplat.js",
+                              "examples/jsm/utils/GaussianSplatUtils.js",
                               "examples/jsm/shaders/CopyShader.js",
                               "examples/jsm/shaders/OutputShader.js",
                               *("examples/jsm/postprocessing/%s.js" % p for p in
@@ -449,6 +456,36 @@ def check_placed(tab, name):
     verdict("%s placed: %.1f dB" % (name, db))
 
 
+# In the words for three.js, those that another renderer needs.
+SPLATS = """
+window.made = () => view.wanted;
+window.draw = () => {
+    const { width, height } = renderer.domElement;
+    const got = new OffscreenCanvas(width, height).getContext('2d');
+
+    renderer.render(scene, camera);
+    got.drawImage(renderer.domElement, 0, 0);
+    return got.getImageData(0, 0, width, height).data;
+};
+"""
+
+
+def check_splats(server, backend, flags):
+    """The splat renderer of three.js, with one of its backends."""
+    tab = browser.Browser(flags=flags)
+    try:
+        tab.go(server.url + "three/three.html?src=/demo.saga&splats=1")
+        tab.wait("window.film?.view.drawn && film.view.playing")
+        for words in SHARED, WORDS["three"], SPLATS:
+            tab.run(words)
+        if not tab.run("renderer.backend.is%sBackend === true" % backend):
+            complain("three.js does not use", backend)
+        check_gaussians(tab, "splats " + backend)
+        check_depth(tab, "splats " + backend)
+    finally:
+        tab.close()
+
+
 def check_gaussians(tab, what):
     told = [tab.run("comesTo(%d, %d, %d)" % (index, frame, LEAST_GAUSSIANS_DB))
             for frame, index in ((0, 0), (13, 4))]
@@ -552,6 +589,8 @@ def check_engine(name):
             check_gaussians(tab, OWN[name])
             if name == "three":
                 check_files(server, tab)
+                check_splats(server, "WebGL", browser.FLAGS)
+                check_splats(server, "WebGPU", browser.WEBGPU_FLAGS)
         checks.complaints.extend(tab.log)
         verdict(name + " console")
     finally:

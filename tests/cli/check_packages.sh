@@ -108,17 +108,19 @@ else
         [ -s "$tmp/node_modules/saga-$p/LICENSE" ] ||
             complain "no licence in saga-$p"
     done
-    # engine PACKAGE NAME...: makes an empty package that exports these names,
-    # so that the modules that import it load.
+    # engine PACKAGE NAME...: makes an empty package, all of whose modules export
+    # these names, so that the modules that import it load.
     engine() {
         local at=$tmp/node_modules/$1
         mkdir -p "$at"
-        echo '{ "type": "module", "exports": "./engine.js" }' >"$at/package.json"
+        echo '{ "type": "module", "exports": { ".": "./engine.js",
+            "./*": "./engine.js" } }' >"$at/package.json"
         printf 'export class %s {}\n' "${@:2}" >"$at/engine.js"
     }
     # shellcheck disable=SC2046
     engine three $(grep -oh 'THREE\.[A-Z][A-Za-z0-9]*' ports/three/*.js |
-        sed 's/.*\.//' | sort -u)
+        sed 's/.*\.//' | sort -u) GaussianSplat createGaussianSplatGeometry \
+        sRGBTransferEOTF vec4 writeColorBytes writeCovariance
     # shellcheck disable=SC2046
     engine playcanvas $(grep -oh 'pc\.[A-Z][A-Za-z]*' ports/playcanvas/*.js |
         sed 's/.*\.//' | sort -u)

@@ -43,6 +43,7 @@ import { addControls, moveByKey } from 'saga-web/controls.js';
 import { enterHeadset, hasHeadset } from 'saga-web/xr.js';
 import { SagaMesh } from 'saga-three';
 import { SagaSplatMesh } from 'saga-three/spark.js';
+import { SagaSplats } from 'saga-three/splats.js';
 import { SagaEntity, placeCamera } from 'saga-playcanvas';
 import { SagaParser } from 'saga-playcanvas/gsplat.js';
 import { SparkRenderer } from '@sparkjsdev/spark';
@@ -75,16 +76,18 @@ export async function inThree(scene: THREE.Scene,
     renderer: THREE.WebGLRenderer, camera: THREE.PerspectiveCamera) {
     const film = await SagaMesh.load('scene.saga', { simd: true });
     const other = await SagaSplatMesh.load('scene.saga');
+    const third = await SagaSplats.load('scene.saga');
 
     const volume = film.view.viewingVolume;
     const off: number = volume ? outside(volume, camera.position.toArray()) : 0;
 
-    scene.add(film, new SparkRenderer({ renderer }), other);
+    scene.add(film, new SparkRenderer({ renderer }), other, third);
     console.log(off);
     film.placeCamera(camera);
     film.view.play();
     other.view.seek(3);
     film.dispose();
+    third.dispose();
 }
 
 export async function inPlayCanvas(app: pc.Application, camera: pc.Entity) {
@@ -107,10 +110,11 @@ document.createElement('saga-player').play('now');
 addControls(document.body, document.body);
 SagaMesh.load('scene.saga', { simd: 'no' });
 SagaSplatMesh.load('scene.saga').then((film) => film.placeCamera(3));
+SagaSplats.load('scene.saga').then((film) => film.placeCamera(3));
 SagaEntity.load(3, 'scene.saga');
 new SagaParser('app');
 """
-N_MISUSES = 7
+N_MISUSES = 8
 
 
 # --- Names -----------------------------------------------------------------

@@ -22,6 +22,12 @@ FLAGS = [
     "--disable-sync", "--disable-extensions", "--disable-gpu", "--mute-audio",
     "--hide-scrollbars", "--disable-dev-shm-usage", "--remote-debugging-pipe",
 ]
+# For pages that use WebGPU, which Chromium then computes itself. Without the
+# three last ones it loses the device when a canvas is shown.
+WEBGPU_FLAGS = [f for f in FLAGS if f != "--disable-gpu"] + [
+    "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader",
+    "--enable-unsafe-swiftshader", "--use-vulkan=swiftshader",
+    "--enable-features=Vulkan", "--use-angle=swiftshader"]
 
 
 def find_chromium():
@@ -47,7 +53,7 @@ class Browser:
     """A tab of the browser. Calls wait for their answer, and raise TimeoutError
     after `patience` seconds."""
 
-    def __init__(self, patience=60.0):
+    def __init__(self, patience=60.0, flags=FLAGS):
         self.patience = patience
         self.profile = tempfile.mkdtemp()
         self.last = 0
@@ -65,7 +71,7 @@ class Browser:
             os.dup2(high[1], 4)
 
         self.process = subprocess.Popen(
-            [find_chromium(), *FLAGS, "--user-data-dir=" + self.profile,
+            [find_chromium(), *flags, "--user-data-dir=" + self.profile,
              "about:blank"], stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             preexec_fn=place, pass_fds=(3, 4))
