@@ -6,6 +6,7 @@
 #define SAGA_VEC3_H
 
 #include <math.h>
+#include <stdbool.h>
 
 static inline double dot3(const double a[3], const double b[3])
 {
@@ -22,6 +23,19 @@ static inline double distance3(const double a[3], const double b[3])
     const double d[3] = { a[0] - b[0], a[1] - b[1], a[2] - b[2] };
 
     return length3(d);
+}
+
+/* Scales a to length 1. Returns false, and leaves a as it is, if it has hardly
+ * any length or none that is finite. */
+static inline bool normalise3(double a[3])
+{
+    const double n = length3(a);
+
+    if (!(n > 1e-9 && n < INFINITY))
+        return false;
+    for (int i = 0; i < 3; i++)
+        a[i] /= n;
+    return true;
 }
 
 /* Sets c, which overlaps neither a nor b, to a x b. */

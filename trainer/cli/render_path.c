@@ -35,15 +35,6 @@ static const double pi = 3.14159265358979323846;
 
 /* --- Poses --------------------------------------------------------------- */
 
-static bool normalise(double v[3])
-{
-    const double n = length3(v);
-
-    for (int i = 0; i < 3; i++)
-        v[i] /= n;
-    return n > 1e-12 && isfinite(n);
-}
-
 bool saga_look_at(double rotation[9], const double eye[3],
                   const double target[3], const double up[3])
 {
@@ -52,12 +43,12 @@ bool saga_look_at(double rotation[9], const double eye[3],
 
     for (int i = 0; i < 3; i++)
         forward[i] = target[i] - eye[i];
-    if (!normalise(forward))
+    if (!normalise3(forward))
         return false;
     /* y is down, so right = forward x up and down = forward x right. If up is
      * parallel to forward, there is no right. */
     cross3(right, forward, up);
-    if (!normalise(right))
+    if (!normalise3(right))
         return false;
     cross3(down, forward, right);
     return true;
@@ -289,7 +280,7 @@ static bool read_pose(saga_path_camera *c, const double *m)
         double axis[3] = { m[i], m[4 + i], m[8 + i] };
         const double sign = i ? -1.0 : 1.0;
 
-        if (!normalise(axis))
+        if (!normalise3(axis))
             return false;
         for (int k = 0; k < 3; k++)
             c->rotation[3 * i + k] = sign * axis[k];

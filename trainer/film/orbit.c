@@ -12,21 +12,6 @@
 
 static const double pi = 3.14159265358979323846;
 
-/* --- Vectors ------------------------------------------------------------- */
-
-/* Scales *a to length 1. Returns false, and leaves *a unchanged, if it has
- * hardly any length. */
-static bool normalise(double a[3])
-{
-    const double n = sqrt(dot3(a, a));
-
-    if (!(n > 1e-9))
-        return false;
-    for (int i = 0; i < 3; i++)
-        a[i] /= n;
-    return true;
-}
-
 /* --- Where the rig looks ------------------------------------------------- */
 
 /* Solves the symmetric positive definite m x = v by Cramer's rule. */
@@ -87,7 +72,7 @@ static void mean_up(double up[3], const saga_source_view *views, int n)
         for (int s = 0; s < n; s++)
             up[i] -= views[s].rotation[3 + i];
     }
-    if (!normalise(up))
+    if (!normalise3(up))
         for (int i = 0; i < 3; i++)
             up[i] = -views[0].rotation[3 + i];
 }
@@ -110,7 +95,7 @@ void saga_views_up(double up[3], const saga_source_view *views, int n)
                 next[i] -= views[s].rotation[i] * dot3(views[s].rotation, up) /
                            n;
         /* If all horizontal axes are along up, nothing is left: keep up. */
-        if (!normalise(next))
+        if (!normalise3(next))
             return;
         memcpy(up, next, sizeof next);
     }
@@ -154,9 +139,9 @@ static bool find_middle(saga_orbit *o, const saga_source_view *views, int n)
     }
     /* If the cameras stand all round, their directions cancel out, and the
      * first camera's direction is used as ahead. */
-    if (!normalise(o->ahead)) {
+    if (!normalise3(o->ahead)) {
         split(o->ahead, o, &views[0]);
-        if (!normalise(o->ahead))
+        if (!normalise3(o->ahead))
             return false;
     }
     cross3(o->side, o->up, o->ahead);
@@ -251,9 +236,9 @@ void saga_orbit_keep_inside(saga_orbit *o, const saga_volume *volume,
         o->up[i] = volume->up[i];
         o->ahead[i] = volume->front[i];
     }
-    normalise(o->up);
+    normalise3(o->up);
     level_off(o->ahead, o->up);
-    normalise(o->ahead);
+    normalise3(o->ahead);
     cross3(o->side, o->up, o->ahead);
     o->height = level_off(eye, o->up);
     o->radius = sqrt(dot3(eye, eye));
@@ -303,7 +288,7 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
         centre[i] = orbit->focus[i] - forward[i];
     }
     cross3(right, forward, orbit->up);
-    if (!normalise(forward) || !normalise(right))
+    if (!normalise3(forward) || !normalise3(right))
         return saga_fail(error, "orbit", "give a camera",
                          "its cameras look straight down");
     cross3(down, forward, right);

@@ -33,7 +33,9 @@ static bool ends_with(const char *name, const char *const *endings, size_t n)
     return false;
 }
 
-bool saga_is_picture_name(const char *name)
+/* Tells by a file name's extension whether it is a still picture that can be
+ * read. */
+static bool is_picture_name(const char *name)
 {
     static const char *const endings[] = { ".png", ".jpg",  ".jpeg", ".webp",
                                            ".tif", ".tiff", ".exr" };
@@ -71,11 +73,11 @@ bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
                            saga_error *error)
 {
     saga_names names;
-    bool ok = saga_folder_list(&names, folder, saga_is_picture_name, error);
+    bool ok = saga_folder_list(&names, folder, is_picture_name, error);
     for (size_t i = 0; ok && i < names.n; i++) {
         const char *const name = names.at[i];
         uint64_t moment;
-        /* strrchr finds a dot, because saga_is_picture_name requires an
+        /* strrchr finds a dot, because is_picture_name requires an
          * extension. */
         (void)saga_last_number(name, (size_t)(strrchr(name, '.') - name),
                                &moment);

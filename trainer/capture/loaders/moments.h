@@ -24,9 +24,6 @@ typedef struct saga_finds {
  * there is none. */
 bool saga_last_number(const char *s, size_t n, uint64_t *number);
 
-/* Tells by a file name's extension whether it is a still picture that can be
- * read. */
-bool saga_is_picture_name(const char *name);
 /* Tells by a file name's extension whether it is a video. */
 bool saga_is_video_name(const char *name);
 

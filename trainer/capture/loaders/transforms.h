@@ -57,11 +57,8 @@ typedef struct saga_transforms {
     const char *first_missing; /* path as the JSON has it; NULL: none */
 } saga_transforms;
 
-/* Sets *s to the string that an object has under `key`; leaves it unchanged if
- * there is none. */
-bool saga_transforms_string(const saga_transforms *r, const json_t *object,
-                            int index, const char *key, const char **s);
-/* Reads a string like saga_transforms_string that names a file. */
+/* Sets *s to the name of a file that an object has under `key`; leaves it
+ * unchanged if there is none. */
 bool saga_transforms_path(const saga_transforms *r, const json_t *object,
                           int index, const char *key, const char **s);
 /* Adds the entries of the file that is being read. */

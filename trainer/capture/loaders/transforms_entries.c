@@ -63,8 +63,10 @@ static bool get_number(const saga_transforms *r, const json_t *frame, int index,
     return true;
 }
 
-bool saga_transforms_string(const saga_transforms *r, const json_t *object,
-                            int index, const char *key, const char **s)
+/* Sets *s to the string that an object has under `key`; leaves it unchanged if
+ * there is none. */
+static bool read_string(const saga_transforms *r, const json_t *object,
+                        int index, const char *key, const char **s)
 {
     const json_t *const value = json_object_get(object, key);
     if (!value)
@@ -89,7 +91,7 @@ bool saga_transforms_path(const saga_transforms *r, const json_t *object,
                           int index, const char *key, const char **s)
 {
     (void)path_of(r, json_object_get(object, key));
-    return saga_transforms_string(r, object, index, key, s);
+    return read_string(r, object, index, key, s);
 }
 
 /* --------------------------------------------------------------- one entry */
@@ -132,8 +134,8 @@ static bool read_model(const saga_transforms *r, const json_t *frame, int index,
                                          "SIMPLE_PINHOLE", "SIMPLE_RADIAL",
                                          "RADIAL",         "OPENCV_FISHEYE" };
     const char *model = "OPENCV";
-    if (!saga_transforms_string(r, r->root, -1, "camera_model", &model) ||
-        !saga_transforms_string(r, frame, index, "camera_model", &model))
+    if (!read_string(r, r->root, -1, "camera_model", &model) ||
+        !read_string(r, frame, index, "camera_model", &model))
         return false;
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcmp(model, known[i]) == 0) {

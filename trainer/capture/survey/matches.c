@@ -48,11 +48,6 @@ static float alike(const saga_feature *a, const saga_feature *b)
            ((sum[2] + sum[6]) + (sum[3] + sum[7]));
 }
 
-double saga_feature_likeness(const saga_feature *a, const saga_feature *b)
-{
-    return (double)alike(a, b);
-}
-
 static bool same_place(const saga_feature *a, const saga_feature *b)
 {
     return fabs(a->x - b->x) < SAME_PLACE && fabs(a->y - b->y) < SAME_PLACE;
@@ -114,8 +109,7 @@ size_t saga_matches_find(saga_match *matches, const saga_features *a,
         const saga_feature *const to = &b->list[k];
         /* The match back must end at the same place, though possibly in another
          * size. */
-        if (doubt > SECOND_BEST ||
-            saga_feature_likeness(from, to) < alike_least ||
+        if (doubt > SECOND_BEST || (double)alike(from, to) < alike_least ||
             is_known(matches, n, from, to) ||
             !same_place(&a->list[nearest(to, a, rule, true, &back)], from))
             continue;

@@ -19,9 +19,6 @@ typedef struct saga_match {
     int of_a, of_b;    /* indices of the two features */
 } saga_match;
 
-/* Returns the similarity of two features: the cosine of their descriptors. */
-double saga_feature_likeness(const saga_feature *a, const saga_feature *b);
-
 /* A restriction on which features may match. */
 typedef struct saga_match_rule {
     bool (*may)(const void *user, const saga_feature *a, const saga_feature *b);
