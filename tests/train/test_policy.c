@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
  * The policy: bits are priced per pixel, steps and widths follow the price, and
- * lambda follows the error of the warm-up.
+ * lambda follows the error of the warm-up. Learning rates follow the length of
+ * a film.
  */
+#include "fit_state.h"
 #include "policy.h"
 #include "testing.h"
 
@@ -78,4 +80,36 @@ TEST(policy_should_be_monotone)
 TEST(policy_should_follow_counts)
 {
     assert_int_equal(saga_policy_of(1, 1e7, 20000).entropy_width, 16);
+}
+
+/* Returns the rates in the middle of a fit to a film of three views. */
+static saga_fit_rates rates_of(int frames, uint32_t tools)
+{
+    const saga_pictures pictures = { .n_train = 3, .n_there = 3 * frames };
+    saga_scene scene = { .model.tools = tools };
+    const saga_fit fit = { .scene = &scene,
+                           .pictures = &pictures,
+                           .o.n_render = 9600,
+                           .iteration = 2400 };
+
+    return saga_fit_rates_now(&fit);
+}
+
+/* In a film of four times the frames a quarter of the pictures shows what lives
+ * briefly, and Adam moves its features twice as far at each of them: they must
+ * have half of the rate. Weights, which each picture moves, keep theirs, as do
+ * films of up to 32 frames and what stands still. */
+TEST(features_should_learn_slower_in_a_longer_film)
+{
+    const saga_fit_rates one = rates_of(32, SAGA_TOOL_OPACITY_T);
+    const saga_fit_rates four = rates_of(128, SAGA_TOOL_OPACITY_T);
+    const saga_fit_rates sixteen = rates_of(512, SAGA_TOOL_OPACITY_T);
+
+    near((double)four.feature, (double)one.feature / 2, 1e-6);
+    near((double)sixteen.feature, (double)one.feature / 4, 1e-6);
+    near((double)four.networks, (double)one.networks, 0);
+    near((double)four.prim, (double)one.prim, 0);
+    near((double)rates_of(24, SAGA_TOOL_OPACITY_T).feature, (double)one.feature,
+         0);
+    near((double)rates_of(512, 0).feature, (double)one.feature, 0);
 }
