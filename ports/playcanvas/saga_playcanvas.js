@@ -13,6 +13,7 @@
 import * as pc from 'playcanvas';
 import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf }
     from 'saga-web/engine.js';
+import { Recoder } from './recoder.js';
 
 const VERTEX = `${VERTEX_GLSL}
 attribute vec3 corner;
@@ -94,6 +95,7 @@ export class SagaEntity {
         const device = app.graphicsDevice;
 
         this.device = device;
+        this.recoder = Recoder.of(app);
         this.format = new pc.VertexFormat(device, SPLAT.map(
             ([, semantic, components]) => ({ semantic, components,
                 type: pc.TYPE_FLOAT32 })));
@@ -103,17 +105,16 @@ export class SagaEntity {
         this.buffer = null;
         this.entity = new pc.Entity('saga');
         this.entity.addComponent('render', { meshInstances: [this.instance],
-            castShadows: false, receiveShadows: false });
+            castShadows: false, receiveShadows: false,
+            layers: [this.recoder.film.id] });
         this.modelView = new pc.Mat4();
         this.values = null; // the camera for which the splats were made
         // The clock of the film; viewer.d.ts lists its events.
         this.view = new EngineView((splats) => this.take(splats), options);
         this.handles = [
             app.scene.on('prerender', (camera) => this.look(camera)),
-            // A frame of passes encodes what is drawn as sRGB at its end.
-            app.scene.on('prerender:layer', ({ shaderParams }) =>
-                this.instance.setParameter('saga_linear', Number(
-                    shaderParams.shaderOutputGamma === pc.GAMMA_NONE))),
+            app.scene.on('prerender:layer', (camera, layer) =>
+                layer === this.recoder.film && this.aim(camera)),
         ];
     }
 
@@ -137,7 +138,9 @@ export class SagaEntity {
     // Called before a camera is drawn.
     look(camera) {
         const { device, view } = this;
-        const { x, y, z, w } = camera.rect;
+
+        this.recoder.join(camera);
+        const { z, w } = camera.rect;
         const size = [z * device.width, w * device.height].map(Math.round);
         const projection = camera.projectionMatrix.data;
         const modelView = this.modelView.mul2(camera.viewMatrix,
@@ -146,10 +149,20 @@ export class SagaEntity {
         view.lookFrom(modelView, projection, ...size);
         if (!this.values)
             return;
-        this.instance.setParameter('saga_viewport',
-            [x * device.width, y * device.height, ...size]);
         this.instance.setParameter('saga_to_clip', Float32Array.from(
             view.toClip(this.values, modelView, projection)));
+    }
+
+    // Called before it is drawn to a target, which in a frame of passes may be
+    // smaller than the screen, and then is encoded as sRGB at the end.
+    aim({ rect, shaderParams }) {
+        const { width, height } = this.device.renderTarget ?? this.device;
+
+        this.instance.setParameter('saga_viewport', [rect.x * width,
+            rect.y * height, rect.z * width, rect.w * height]);
+        this.instance.setParameter('saga_linear', Number(
+            shaderParams.shaderOutputGamma === pc.GAMMA_NONE &&
+            !this.recoder.isEncoded));
     }
 
     placeCamera(camera, index = this.view.start) {
