@@ -392,8 +392,8 @@ class Film:
     def volume(self):
         """From where the film looks well (docs/bitstream.md, section 13), in
         the capture's unit and in degrees, or None if the file does not say so.
-        psnr has two values, at the cameras and between them. What is unknown is
-        None."""
+        psnr has two values, at cameras that were trained on and between them.
+        What is unknown is None."""
         v = _Volume()
         status = _lib().saga_find_volume(ctypes.byref(v), self._data,
                                          len(self._data))

@@ -48,10 +48,21 @@ export class Bounds {
         return this.isLed && !viewer.path ? this.outOf(viewer.pose) : 0;
     }
 
-    // The PSNR that may be expected from the camera's place in dB, or null.
+    // The PSNR in dB that may be expected from the camera's place, if all cameras
+    // of the rig were trained on and if those near here were not, which the file
+    // does not say. Each is null if it is unknown.
     get expected() {
+        return this.expectedOf(this.viewer.rig);
+    }
+
+    get leastExpected() {
+        return this.viewer.viewingVolume?.quality[1] ? this.expectedOf([])
+            : null;
+    }
+
+    expectedOf(trained) {
         const { viewer } = this, volume = viewer.viewingVolume;
-        const eyes = viewer.rig.map(({ values }) =>
+        const eyes = trained.map(({ values }) =>
             viewer.toMetres(Array.from(values.slice(9, 12))));
 
         return volume && expectedPsnr(volume, eyes,

@@ -195,19 +195,27 @@ function crcText(drawn) {
         : [`${drawn.crc}, reference ${reference}`, 'bad'];
 }
 
+// The file does not say which cameras of the rig were trained on.
+function expectedRows({ expected, leastExpected: least }) {
+    if (expected === null)
+        return [];
+    const there = expected.toFixed(1), between = least?.toFixed(1) ?? '?';
+
+    return [['expected here', there === between ? `${there} dB of PSNR`
+        : `${between} dB of PSNR, ${there} if trained here`]];
+}
+
 function showNumbers() {
     const { drawn } = viewer;
     const { times } = drawn;
     const [crc, verdict] = crcText(drawn);
-    const { expected } = viewer.bounds;
     const rows = [
         ['picture', `${drawn.width} \u00d7 ${drawn.height}`],
         ['primitives', `${drawn.nSplats.toLocaleString('en')} seen of ` +
             drawn.nPrimitives.toLocaleString('en')],
         [drawn.gpu ? 'view, copy' : 'view, draw',
             `${times.view.toFixed(1)}, ${times.draw.toFixed(1)} ms`],
-        ...expected === null ? []
-            : [['expected here', `${expected.toFixed(1)} dB of PSNR`]],
+        ...expectedRows(viewer.bounds),
         ['drawn by', drawn.gpu ? 'graphics processor' : 'decoder, exact'],
         ['shown', rateText()],
         ['segment', `${drawn.segment + 1} of ${viewer.segments.length}, ` +

@@ -40,8 +40,11 @@ export class Viewer extends EventTarget {
         isOn: boolean;
         /** How far outside the user has moved the camera, in radians. */
         readonly out: number;
-        /** The PSNR that may be expected here, in dB; null if unknown. */
+        /** The PSNR that may be expected here, in dB, if all cameras of the rig
+         * were trained on; null if unknown. */
         readonly expected: number | null;
+        /** The same if the cameras near here were held out. */
+        readonly leastExpected: number | null;
     };
     /** The camera of the rig with which the film begins. */
     readonly start: number;

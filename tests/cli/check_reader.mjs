@@ -313,6 +313,7 @@ async function checkVolumes() {
     near('a quarter', psnr(10), 33, 1e-6);  // 2 * 10 / (10 + 30) = 1/2
     near('outside', psnr(60), 33 - 3.4907, 1e-4); // 2 * 20 / 80, 20 dB for each
                                             // of 10 degrees in radians
+    near('held out', expectedPsnr(volume, [], at(40, 0, 3)), 30, 1e-6);
     near('unknown', expectedPsnr({ ...volume, quality: [0, 0] }, [],
         at(0, 0, 3)) ?? 0,
         0);

@@ -37,7 +37,7 @@ json_t *saga_volume_report(const uint8_t *bytes, size_t n,
     {                                                                         \
         "volume./rated", NULL,                                                \
             "            expected PSNR: {volume.psnr_at_cameras:%.1f} dB at " \
-            "the cameras, {volume.psnr_between:%.1f} dB between them\n"       \
+            "trained cameras, {volume.psnr_between:%.1f} dB between them\n"   \
     }
 
 #endif
