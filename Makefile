@@ -39,7 +39,7 @@ WERROR =# tests set it to -Werror
 CFLAGS =# added to every compilation, after this file's flags
 CORE_CFLAGS =# added to compilations of common/ and decoder/
 LDFLAGS =# added to every link, before the objects
-SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
+SANITIZE =# 1: ASan and UBSan, and fx.h's checks; quick: fewer for the trainer
 REAL =# double: the trainer computes in double, for tests
 ARGS =# selects parts of `make bench` or `make rd`
 V =# 1: prints every command, not one line for each file
@@ -179,6 +179,11 @@ WARN = -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align \
 SAN_ALL   = -g1 -fsanitize=address -fsanitize=undefined \
             -fno-sanitize-recover=all -fno-omit-frame-pointer
 SAN_FLAGS = $(if $(SANITIZE),$(SAN_ALL))
+# With SANITIZE=quick the trainer does without UBSan's checks of every access by
+# a pointer, which double the time of its compilation; ASan's remain. What takes
+# longer to optimise than to run is not optimised.
+SAN_LESS = $(if $(filter quick,$(SANITIZE)),$(addprefix -fno-sanitize=,\
+             alignment null object-size pointer-overflow))
 SAN_DEFS  = $(if $(SANITIZE),-DSAGA_CHECK)
 BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 
@@ -210,6 +215,9 @@ HOST_LIBS = $(AS_NEEDED) $(QR) -lOpenEXRCore $(shell pkg-config --libs jansson \
 EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))
 CMOCKA    = $(AS_NEEDED) -lcmocka
+# Programs that are not installed are linked by lld, which takes a third of the
+# time of binutils' linker.
+LLD := $(and $(filter Linux,$(shell uname -s)),$(shell command -v ld.lld),-fuse-ld=lld)
 
 # The first line of a recipe, which says what is made.
 say = $(if $(V)$(QUIET),,@printf '%-5s %s\n' $(1) $@)
@@ -224,9 +232,16 @@ OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # SSE2 has no arithmetic shift of 64 bits: gcc's vector code is a tenth slower.
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
+# Tests run for less time than it takes to optimise them.
+$(call obj,$(TESTS_SRC)): OPT_LEVEL = $(OPT:-O2=-O1)
+ifeq ($(SANITIZE),quick)
+$(filter-out $(OBJ)/trainer/code/%,$(TRAINER_OBJ)) $(CLI_OBJ) \
+    $(call obj,$(TESTS_SRC)): OPT_LEVEL = -O0
+endif
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ) $(ISA_OBJ): OPT_LEVEL = $(HOT_OPT)
 $(addprefix $(OBJ)/trainer/measure/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT)
 $(ISA_SRC:%.c=$(OBJ)/%.o): ISA = -DSAGA_ISA=1
+$(TRAINER_SRC:%.c=$(OBJ)/%.o) $(ISA_OBJ): SAN_FLAGS += $(SAN_LESS)
 
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
@@ -439,7 +454,7 @@ $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 # which lists the source files, and what needs it on `qr`, which tells whether
 # libqrencode is installed.
 FLAGS   := $(CC) $(WARN) $(OPT) $(HOT_OPT) $(SAN_FLAGS) \
-           $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) $(LEVEL)
+           $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) $(strip $(LEVEL) $(SAN_LESS))
 SOURCES := $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(REFERENCE_SRC) \
            $(HELPER_SRC) $(WEB_FILES)
 unless = $(if $(shell echo '$(2)' | cmp -s - $(1) && echo same),,FORCE)
@@ -481,7 +496,7 @@ $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
 $(filter %_f64,$(TESTS)): $(TWICE)
 $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(call say,LINK)
-	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
+	$(LINK) $(LLD) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
 	    $(filter-out $(TWICE),$(filter %.a,$^)) $(WRAP_$(@F)) $(CMOCKA) \
 	    $(HOST_LIBS) -o $@
 # This program has a saga_crc32c of its own, which calls the library's.
@@ -491,11 +506,11 @@ $(BUILD)/bench_numerics: $(OBJ)/bench/bench_numerics.o
 $(BUILD)/bench_table: $(BENCH_OBJ)
 $(BENCH): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(call say,LINK)
-	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(HOST_LIBS) -o $@
+	$(LINK) $(LLD) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(HOST_LIBS) -o $@
 
 $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(call say,LINK)
-	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
+	$(LINK) $(LLD) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # check_vectors is built for every target of tests/run_matrix.sh, so that it
 # links no libraries except libc and libm.

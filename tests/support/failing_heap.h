@@ -52,21 +52,23 @@ WEAK void *__interceptor_calloc(size_t n, size_t size);
 WEAK void *__interceptor_realloc(void *p, size_t n);
 WEAK void __interceptor_free(void *p);
 #undef WEAK
+/* The loader allocates before ASan can be asked about an address. */
+#define EARLY __attribute__((no_sanitize("address")))
 #define HEAP(f) (__interceptor_##f ? __interceptor_##f : __libc_##f)
 
-static inline bool heap_within(const void *at, const uintptr_t range[2])
+EARLY static inline bool heap_within(const void *at, const uintptr_t range[2])
 {
     return (uintptr_t)at >= range[0] && (uintptr_t)at < range[1];
 }
 
 /* Returns p and adds n to the number of live blocks if p is not NULL. */
-static inline void *heap_count(void *p, int n)
+EARLY static inline void *heap_count(void *p, int n)
 {
     failing_heap.live += p ? n : 0;
     return p;
 }
 
-static inline bool heap_fails(const void *caller)
+EARLY static inline bool heap_fails(const void *caller)
 {
     struct failing_heap *const h = &failing_heap;
 
@@ -81,40 +83,40 @@ static inline bool heap_fails(const void *caller)
 #define CALLER __builtin_return_address(0)
 #define NEW(block) (heap_fails(CALLER) ? NULL : heap_count(block, 1))
 
-void *malloc(size_t n)
+EARLY void *malloc(size_t n)
 {
     return NEW(HEAP(malloc)(n));
 }
 
-void *calloc(size_t n, size_t size)
+EARLY void *calloc(size_t n, size_t size)
 {
     return NEW(HEAP(calloc)(n, size));
 }
 
-void *memalign(size_t align, size_t n)
+EARLY void *memalign(size_t align, size_t n)
 {
     return NEW(HEAP(memalign)(align, n));
 }
 
-void *aligned_alloc(size_t align, size_t n)
+EARLY void *aligned_alloc(size_t align, size_t n)
 {
     return NEW(HEAP(memalign)(align, n));
 }
 
-int posix_memalign(void **p, size_t align, size_t n)
+EARLY int posix_memalign(void **p, size_t align, size_t n)
 {
     *p = NEW(HEAP(memalign)(align, n));
     return *p ? 0 : ENOMEM;
 }
 
-void *realloc(void *p, size_t n)
+EARLY void *realloc(void *p, size_t n)
 {
     if (heap_fails(CALLER))
         return NULL;
     return heap_count(HEAP(realloc)(p, n), p ? 0 : 1);
 }
 
-void free(void *p)
+EARLY void free(void *p)
 {
     HEAP(free)(heap_count(p, -1));
 }
