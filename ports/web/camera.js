@@ -88,6 +88,25 @@ export function moved(pose, by) {
     return { rotation: pose.rotation, centre: add(pose.centre, by) };
 }
 
+// Returns by how much a pose moves so that what is at the pivot's distance moves
+// by these pixels of the lens.
+export function panOf(pose, pivot, lens, dx, dy) {
+    const perPixel = norm(sub(pivot, pose.centre)) * ONE_Q16 /
+        lens[FOCAL];
+
+    return add(times(rightOf(pose), -dx * perPixel),
+        times(downOf(pose), -dy * perPixel));
+}
+
+// Returns the point of the camera's axis that is nearest to a point, or one
+// ahead if that is behind the camera.
+export function onAxis(pose, point) {
+    const forward = forwardOf(pose);
+    const depth = dot(sub(point, pose.centre), forward);
+
+    return add(pose.centre, times(forward, depth > 0 ? depth : 2 ** 22));
+}
+
 // --- Integers --------------------------------------------------------------
 
 // Returns the lens, which is an array of `values`, scaled to another size of

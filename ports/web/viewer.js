@@ -254,14 +254,9 @@ export class Viewer extends EventTarget {
         this.findPivot();
     }
 
-    // Finds the point about which drags turn the camera: the point of its axis
-    // that is nearest to the focus of the rig.
+    // Finds the point about which drags turn the camera.
     findPivot() {
-        const forward = cam.forwardOf(this.pose);
-        const depth = cam.dot(cam.sub(this.focus, this.pose.centre), forward);
-
-        this.pivot = cam.add(this.pose.centre,
-            cam.times(forward, depth > 0 ? depth : 2 ** 22));
+        this.pivot = cam.onAxis(this.pose, this.focus);
     }
 
     setPose(pose, lens = this.lens) {
@@ -292,12 +287,7 @@ export class Viewer extends EventTarget {
     pan(dx, dy) {
         if (!this.info)
             return;
-        const distance = cam.norm(cam.sub(this.pivot, this.pose.centre));
-        const perPixel = distance * 65536 / this.lens[12];
-        const by = cam.add(
-            cam.times(cam.rightOf(this.pose), -dx * perPixel),
-            cam.times(cam.downOf(this.pose), -dy * perPixel));
-
+        const by = cam.panOf(this.pose, this.pivot, this.lens, dx, dy);
         const pose = this.bounds.softened((part) =>
             cam.moved(this.pose, cam.times(by, part)));
 
