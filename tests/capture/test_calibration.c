@@ -280,8 +280,6 @@ TEST(wrong_matrices_should_be_named)
           ": translations are those of world to camera. " },
         { SAGA_POSES_TO_CAMERA, SAGA_POSE_INVERSE, 0, false,
           ": poses are camera to world. " },
-        { SAGA_POSES_TO_CAMERA, SAGA_POSE_TRANSPOSED, Y + Z, false,
-          ": rotations are transposed, and camera axes have y and z " },
         { SAGA_POSES_TO_CAMERA, SAGA_POSE_TRANSLATION, 0, false,
           ": translations are the positions of the cameras. " },
         /* Determinant -1: an axis of the cameras or of the world is reversed.
@@ -289,22 +287,28 @@ TEST(wrong_matrices_should_be_named)
          * cameras look along z. */
         { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, X, false,
           ": camera axes have x reversed. " },
-        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, 0, true, left },
         { SAGA_POSES_OPENGL, SAGA_POSE_INVERSE, 0, true, left },
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, X + Y, false,
+          ": camera axes have x and y reversed. " },
+        /* In `make test-all` alone: two mistakes that rows above have, in
+         * another pair. */
+        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, 0, true, left },
         { SAGA_POSES_TO_CAMERA, SAGA_POSE_INVERSE, X, false,
           ": poses are camera to world, and camera axes have x reversed. " },
         { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, Z, true,
           ": camera axes have z reversed, and the world is a mirror image" },
-        { SAGA_POSES_OPENGL, SAGA_POSE_RIGHT, X + Y, false,
-          ": camera axes have x and y reversed. " },
+        { SAGA_POSES_TO_CAMERA, SAGA_POSE_TRANSPOSED, Y + Z, false,
+          ": rotations are transposed, and camera axes have y and z " },
     };
+    enum { ALL = sizeof files / sizeof *files, LONG_ONLY = 4 };
+    const int n = testing_long() ? ALL : ALL - LONG_ONLY;
 
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+    for (int i = 0; i < n; i++) {
         saga_capture c = *(saga_capture *)*state;
         saga_survey s;
 
         survey_wrong(&s, &c, &files[i]);
-        print_message("%zu: %s", i, s.notes);
+        print_message("%d: %s", i, s.notes);
         assert_true(says(&s, files[i].what));
         assert_true(says(&s, ". --fix FILE writes"));
         expect_undone(*state, &s.calibration, c.views);
@@ -317,14 +321,13 @@ TEST(wrong_lenses_should_be_named)
 {
     static const struct {
         double focal, centre;
-    } wrong[] = {
-        { 2, 1 },     { 0.5, 1 },           { 2, 2 },
-        { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 }, { 4 / 3.0, 1 },
-        { 1.25, 1 } /* pairs alone do not find the last */
-    };
+    } wrong[] = { { 2, 1 }, { 0.5, 0.5 },   { 1.25, 1 },         { 0.5, 1 },
+                  { 2, 2 }, { 4 / 3.0, 1 }, { 1 / 3.0, 1 / 3.0 } };
     const saga_capture *const c = *state;
+    /* Pairs of cameras alone do not find the third. */
+    const size_t n = testing_long() ? sizeof wrong / sizeof *wrong : 3;
 
-    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+    for (size_t i = 0; i < n; i++) {
         FREED saga_source_view *const views = copy_views(c);
 
         for (int v = 0; v < N_VIEWS; v++) {

@@ -177,7 +177,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
 TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 {
     const uint64_t seed = testing_seed(1);
-    const uint32_t n = testing_count(600, 100000);
+    const uint32_t n = testing_count(300, 100000);
 
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {

@@ -270,7 +270,7 @@ TEST(pictures_of_a_still_should_be_visited_often)
     saga_plan_reasons why;
 
     assert_non_null(views);
-    for (int side = 100; side <= 3200; side *= 2) {
+    for (int side = 100; side <= 1600; side *= 4) {
         uint8_t *const rgb = must(calloc((size_t)side * (size_t)side, 3));
         for (int v = 0; v < 99; v++)
             views[v] =

@@ -246,33 +246,37 @@ static bool is_off_median(const saga_capture *c, int view, int frame, size_t i)
 }
 
 /* Returns the expected fraction of short-lived ones among new primitives if
- * pixels are drawn by their squared value, counted `factor` times where they
- * move. */
-static double expected_share(const saga_flat *f, double factor)
+ * pixels are drawn by their squared value: *plain if all count alike, *wanted
+ * if those that move count four times. */
+static void expected_shares(const saga_flat *f, double *plain, double *wanted)
 {
     const saga_pictures *const p = f->pictures;
-    double short_lived = 0, all = 0;
+    double short_lived[2] = { 0, 0 }, all[2] = { 0, 0 };
 
     for (int at = 0; at < p->n_train * FRAMES; at++) {
         const int view = p->train[at / FRAMES], frame = at % FRAMES;
         const uint8_t *const rgb = saga_capture_frame(p->capture, view, frame);
 
         for (size_t i = 0; i < W * H; i++) {
-            const double w = is_off_median(p->capture, view, frame, i) ? factor
-                                                                       : 1;
+            const bool moves = is_off_median(p->capture, view, frame, i);
             double e = 0;
             saga_flat_sight s;
 
             for (size_t k = 3 * i; k < 3 * i + 3; k++)
-                e += w * rgb[k] * rgb[k];
+                e += rgb[k] * rgb[k];
             if (!saga_flat_look(f, view, frame, (double)(i % W) + 0.5,
                                 (double)(i / W) + 0.5, &s))
                 continue;
-            all += e;
-            short_lived += s.still ? 0 : e;
+            for (int k = 0; k < 2; k++) {
+                const double counted = k && moves ? 4 * e : e;
+
+                all[k] += counted;
+                short_lived[k] += s.still ? 0 : counted;
+            }
         }
     }
-    return short_lived / all;
+    *plain = short_lived[0] / all[0];
+    *wanted = short_lived[1] / all[1];
 }
 
 /* While every primitive is black, the error of a pixel is its value. Of the
@@ -289,8 +293,7 @@ TEST(growth_should_prefer_what_moves)
     o.n_iterations = 4000; /* 40 rounds of growing, EACH iterations long */
     o.coarse = 0;
     f = make(*state, &o);
-    plain = expected_share(f, 1);
-    wanted = expected_share(f, 4);
+    expected_shares(f, &plain, &wanted);
     for (f->iteration = EACH; f->iteration <= 1000; f->iteration += EACH) {
         memset(f->value.colour, 0, 3 * f->n * sizeof *f->value.colour);
         assert_done(saga_flat_change_count(f, &error));
