@@ -844,7 +844,7 @@ for v in j["views"]:
 done
 # Poses in another convention must be named, and the capture that --fix writes
 # must have no fault.
-expect 0 synth "$tmp/poses" --size 240x136 --cameras 7 --hold-out 0 --frames 1 \
+expect 0 synth "$tmp/poses" --size 240x136 --cameras 5 --hold-out 0 --frames 1 \
     --depth-every 0 --points 400
 python3 - "$tmp/poses/transforms.json" >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, sys
@@ -925,13 +925,13 @@ for i, f in enumerate(j["frames"], 1):
     print("60 68 1 120 68 2", file=images)
 for i in 1, 2:
     print(i, 0, i, 1, 255, 0, 0, 0.5,
-          *("%d %d" % (k, i - 1) for k in range(1, 8)), file=points)
+          *("%d %d" % (k, i - 1) for k in range(1, 6)), file=points)
 PYTHON
 expect 0 check "$tmp/inverse" --fix "$tmp/inverse/cameras.json"
 grep -q ': poses are camera to world. --fix' "$tmp/out" ||
     complain "check: no word of COLMAP's inverted poses"
 expect 0 check "$tmp/inverse/cameras.json"
-grep -q 'nerfstudio, 7 cameras, .* 2 points' "$tmp/out" &&
+grep -q 'nerfstudio, 5 cameras, .* 2 points' "$tmp/out" &&
     ! grep -q 'do not fit' "$tmp/out" ||
     complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
 # A name that JSON cannot hold is named as such, and leaves no file.
