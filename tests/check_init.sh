@@ -64,7 +64,7 @@ memory() {
     local name=$1
 
     shift
-    build "init/$name" check_vectors CC=clang OPT=-O2 HOT_OPT=-O2 OPENMP= "$@" \
+    build "init/$name" check_vectors CC=clang OPT=-O1 OPENMP= "$@" \
         CFLAGS="-fsanitize=memory -gline-tables-only" ||
         { not_built "$name"; return; }
     verdict "$name" "$out/init/$name/check_vectors" --init "${files[@]}"
