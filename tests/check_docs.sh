@@ -167,7 +167,7 @@ PYTHON
 verdict findings
 
 # ---- remedies
-python3 tests/remedies.py >"$tmp/bad" || :
+python3 tests/remedies.py >"$tmp/bad" 2>&1 || :
 verdict remedies
 
 # ---- reference

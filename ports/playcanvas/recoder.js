@@ -85,9 +85,12 @@ export class Recoder {
             if (transparent)
                 return;
             if (layer === before) {
+                // The screen itself has no colour buffer that can be read.
+                const target = this.device.renderTarget?.colorBuffer;
+
                 this.isEncoded = shaderParams.shaderOutputGamma ===
-                    pc.GAMMA_NONE && this.device.renderTarget.colorBuffer
-                    .format !== pc.PIXELFORMAT_111110F &&
+                    pc.GAMMA_NONE && Boolean(target) &&
+                    target.format !== pc.PIXELFORMAT_111110F &&
                     film.meshInstances.some((m) => m.visible);
                 this.run(encode, 1 / GAMMA);
             } else if (layer === after) {

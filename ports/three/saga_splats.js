@@ -46,6 +46,9 @@ export class SagaSplats extends GaussianSplat {
             colorNode.a);
         // The splats' colours depend on the position of the camera.
         this.onBeforeRender = (renderer, scene, camera) => {
+            if (!renderer.isWebGPURenderer)
+                throw new Error('SagaSplats are drawn by a WebGPURenderer; a ' +
+                    'WebGLRenderer draws a SagaMesh of saga-three');
             const eye = camera.getWorldPosition(new THREE.Vector3());
 
             view.lookFromPlace(this.worldToLocal(eye).toArray());
@@ -105,6 +108,14 @@ export class SagaSplats extends GaussianSplat {
 
     dispose() {
         this.view.clear();
+        // The buffers and the kernels of the sort have no dispose() of theirs.
+        for (const { value } of Object.values({ ...this._buffers,
+            ...this._sort }).filter((node) => node?.value?.isBufferAttribute)) {
+            value.pbo?.dispose();
+            value.dispose();
+        }
+        for (const kernel of ['reset', 'histogram', 'prefix', 'scatter'])
+            this._sort?.[`_${kernel}Node`]?.dispose();
         this.geometry.dispose();
         this.material.dispose();
     }

@@ -48,9 +48,9 @@ export class Bounds {
         return this.isLed && !viewer.path ? this.outOf(viewer.pose) : 0;
     }
 
-    // The PSNR in dB that may be expected from the camera's place, if all cameras
-    // of the rig were trained on and if those near here were not, which the file
-    // does not say. Each is null if it is unknown.
+    // The PSNR in dB that may be expected from the camera's place, if all
+    // cameras of the rig were trained on and if those near here were not, which
+    // the file does not say. Each is null if it is unknown.
     get expected() {
         return this.expectedOf(this.viewer.rig);
     }

@@ -199,10 +199,11 @@ function crcText(drawn) {
 function expectedRows({ expected, leastExpected: least }) {
     if (expected === null)
         return [];
-    const there = expected.toFixed(1), between = least?.toFixed(1) ?? '?';
+    const there = expected.toFixed(1), between = least?.toFixed(1);
 
     return [['expected here', there === between ? `${there} dB of PSNR`
-        : `${between} dB of PSNR, ${there} if trained here`]];
+        : `${between ? `${between} dB of PSNR, ${there}`
+            : `${there} dB of PSNR`} at a camera of the training`]];
 }
 
 function showNumbers() {

@@ -46,9 +46,10 @@ export class SagaPlayer extends HTMLElement {
     camera: number;
 
     open(source: string | File): Promise<void>;
-    /** Resolves when the film plays; rejects if it cannot be opened or is
-     * paused before. A film without sound that is not seen plays when it is. */
+    /** Resolves when the film plays; rejects if it cannot be opened, is paused
+     * before, or another film is to be shown. A film without sound that is not seen plays when it is. */
     play(): Promise<void>;
+    /** Also calls off play() and autoplay of a film that is not open yet. */
     pause(): void;
     /** Returns camera and time as one line of text, to share a view. */
     toState(): string;

@@ -39,7 +39,7 @@ const HAVE_NOTHING = 0, HAVE_METADATA = 1, HAVE_FUTURE_DATA = 3,
     HAVE_ENOUGH_DATA = 4;
 
 const pausedBefore = () =>
-    new DOMException('paused before it played', 'AbortError');
+    new DOMException('called off before it played', 'AbortError');
 
 // Rejects when the signal is aborted.
 const aborted = (signal) => new Promise((_, reject) => {
@@ -71,6 +71,7 @@ export class SagaPlayer extends Base {
         this.isSeen = false; // or nearly
         this.isDue = false;  // the film of `src` is opened when it is seen
         this.isHeld = false; // it was paused, so that it does not autoplay
+        this.isAsked = false; // play() waits for the film
         this.pausing = new AbortController(); // of what play() waits for
         this.seenBy = new IntersectionObserver((entries) => {
             this.isSeen = entries.at(-1).isIntersecting;
@@ -83,7 +84,7 @@ export class SagaPlayer extends Base {
         this.watcher.observe(this);
         this.seenBy.observe(this);
         if (this.isShut && this.src)
-            this.load();
+            this.load(this.isHeld);
         this.isShut = false;
     }
 
@@ -101,6 +102,7 @@ export class SagaPlayer extends Base {
     shut() {
         this.isShut = true;
         this.isSeen = false;
+        this.callOff();
         this.tilt.stop();
         this.viewer.clear();
         this.sound.clear();
@@ -184,10 +186,11 @@ export class SagaPlayer extends Base {
 
     // Opens the film of `src` as soon as it is seen, unless it has to wait for
     // play().
-    load() {
+    load(isHeld = false) {
+        this.callOff();
         this.viewer.clear();
         this.opening = null;
-        this.isHeld = false;
+        this.isHeld = isHeld;
         this.showPoster(this.getAttribute('poster'));
         this.isDue = this.preload !== 'none';
         this.attend();
@@ -406,8 +409,8 @@ export class SagaPlayer extends Base {
     // --- What buttons and keys do
 
     toggle() {
-        if (this.viewer.playing)
-            this.viewer.pause();
+        if (!this.paused)
+            this.pause();
         else
             this.play().catch(() => {}); // the `error` event reports it
     }
@@ -464,22 +467,34 @@ export class SagaPlayer extends Base {
     async play() {
         const { signal } = this.pausing;
 
-        if (!this.viewer.info)
-            await Promise.race([aborted(signal), this.opening && !this.error
-                ? this.opening : this.open(this.src)]);
-        signal.throwIfAborted();
-        this.viewer.play();
+        this.isAsked = true;
+        try {
+            if (!this.viewer.info)
+                await Promise.race([aborted(signal), this.opening &&
+                    !this.error ? this.opening : this.open(this.src)]);
+            signal.throwIfAborted();
+            this.viewer.play();
+        } finally {
+            this.isAsked &&= signal !== this.pausing.signal;
+        }
         await this.drawn();
+        signal.throwIfAborted();
         if (this.paused && !this.ended)
             throw pausedBefore();
         this.emit('playing');
     }
 
+    // Rejects what play() has promised and not kept.
+    callOff() {
+        this.isAsked = false;
+        this.pausing.abort(pausedBefore());
+        this.pausing = new AbortController();
+    }
+
     // Also a film that is not open yet stays paused.
     pause() {
         this.isHeld = true;
-        this.pausing.abort(pausedBefore());
-        this.pausing = new AbortController();
+        this.callOff();
         this.viewer.pause();
     }
 
@@ -506,7 +521,7 @@ export class SagaPlayer extends Base {
 
     get info() { return this.viewer.info; }
     get rig() { return this.viewer.rig; }
-    get paused() { return !this.viewer.playing; }
+    get paused() { return !this.viewer.playing && !this.isAsked; }
 
     get duration() {
         return this.info ? this.info.nFrames / this.info.fps : NaN;

@@ -106,8 +106,8 @@ export interface SagaViewingVolume {
     turn: number;
     /** The camera of the rig with which a player begins. */
     start: number;
-    /** The expected PSNR in dB: at the cameras that were trained on, and half way
-     * between neighbours, which held-out cameras have; 0 if unknown. */
+    /** The expected PSNR in dB: at the cameras that were trained on, and half
+     * way between neighbours, which held-out cameras have; 0 if unknown. */
     quality: [number, number];
 }
 

@@ -21,7 +21,7 @@ export function inside(volume: SagaViewingVolume,
 export function outside(volume: SagaViewingVolume, eye: number[],
     forward?: number[]): number;
 /** Returns the PSNR that may be expected at an eye, in dB, or null if the film
- * does not say. eyes: the positions of the cameras that were trained on; without
- * any, it is what is expected between cameras. */
+ * does not say. eyes: the positions of the cameras that were trained on;
+ * without any, it is what is expected between cameras. */
 export function expectedPsnr(volume: SagaViewingVolume, eyes: number[][],
     eye: number[]): number | null;

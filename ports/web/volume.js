@@ -118,8 +118,8 @@ export function nearer(volume, pose, share) {
 
 // Returns the PSNR that may be expected at an eye, in dB, or null if the film
 // does not say. It is quality[0] in the direction of a camera that was trained
-// on, and quality[1] half way between two of them; between these it is linear in
-// 2 a / (a + b), where a and b are the angles to the nearest ones. It falls
+// on, and quality[1] half way between two of them; between these it is linear
+// in 2 a / (a + b), where a and b are the angles to the nearest ones. It falls
 // outside the volume. eyes: positions of these cameras; without any it is
 // quality[1] everywhere.
 export function expectedPsnr(volume, eyes, eye) {

@@ -180,8 +180,9 @@ def check_numbers(tab, url):
     if "expected" in tab.run(tell):
         complain("it expects something of a film that promises nothing")
     # At a camera of the rig, all that lowers it is that the camera is outside.
-    for quality, words in (("36, 30", "30.0 dB of PSNR, 36.0 if trained here"),
-                           ("36, 0", "? dB of PSNR, 36.0 if trained here"),
+    for quality, words in (("36, 30", "30.0 dB of PSNR, 36.0 at a camera "
+                            "of the training"),
+                           ("36, 0", "expected here36.0 dB of PSNR at a camera"),
                            ("36, 36", "36.0 dB of PSNRdrawn by")):
         tab.run("viewer.viewingVolume.quality = [%s]; viewer.changed()" %
                 quality)

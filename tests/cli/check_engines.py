@@ -371,6 +371,20 @@ def check_composer(tab, name):
     if name == "playcanvas":
         check_frames(tab)
     tab.run("uncompose()")
+    if name == "playcanvas" and tab.run("""(() => {
+            const { gammaCorrection } = camera.camera;
+
+            camera.camera.gammaCorrection = pc.GAMMA_NONE;
+            try {
+                app.render();
+            } catch (e) {
+                return e.message;
+            } finally {
+                camera.camera.gammaCorrection = gammaCorrection;
+            }
+            return '';
+        })()"""):
+        complain("linear light on the screen itself stops the engine")
     verdict("%s composer: %.1f dB" % (name, db))
 
 
@@ -505,6 +519,27 @@ def check_splats(server, backend, flags):
             complain("three.js does not use", backend)
         check_gaussians(tab, "splats " + backend)
         check_depth(tab, "splats " + backend)
+        told = tab.run("""(async () => {
+            const kept = [];
+
+            for (let i = 0; i < 3; i++) {
+                const more = await film.constructor.load('/demo.saga');
+
+                await new Promise((end) => more.view.addEventListener(
+                    'drawn', end, { once: true }));
+                scene.add(more);
+                draw();
+                scene.remove(more);
+                more.dispose();
+                kept.push(Object.entries(renderer.info.memory).filter(
+                    ([, n]) => typeof n === 'number').map(
+                    ([name, n]) => `${name} ${n}`).join());
+            }
+            return kept;
+        })()""")
+        if told[1] != told[2]:
+            complain("dispose() leaves", told)
+        verdict("splats %s dispose" % backend)
     finally:
         tab.close()
 

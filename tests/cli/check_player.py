@@ -27,8 +27,9 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
   element     attributes, properties and events work as documented; users who
               prefer reduced motion get no autoplay
   video       it behaves as a <video>: play() opens and resolves or rejects, a
-              pause() before the film is open wins, readyState, buffered, seeking, an error with a code; arrow keys on
-              the bar seek and leave the camera alone
+              pause() before the film is open wins, readyState, buffered,
+              seeking, an error with a code; arrow keys on the bar seek and
+              leave the camera alone
   keys, touch keys and fingers move the camera, also in a tall window
   state       a line of text stores camera and time, from which they are
               restored; so does the page's address
@@ -513,19 +514,34 @@ def check_video(tab):
         player.pause();
         return told.then(() => 'nothing', (e) => e.name === 'AbortError' || e);
     })()""")
+    # In one go, since a film is open within a few messages.
     for given in {"preload": "none"}, {"autoplay": ""}:
-        tab.run(PUT % json.dumps({"src": "/" + DEMO, **given}))
         expect(tab, "play() before the film is open, and pause(), give", """
             (async () => {
+                await %s;
                 const first = player.play().catch((e) => e.name);
+                const asked = !player.paused;
                 player.pause();
-                const isOpen = Boolean(player.info);
-                return await first === 'AbortError' && !isOpen &&
-                    !player.info || [await first, isOpen];
-            })()""")
+                const isOpen = Boolean(player.info), isOff = player.paused;
+                return await first === 'AbortError' && asked && isOff &&
+                    !isOpen || [await first, asked, isOff, isOpen];
+            })()""" % (PUT % json.dumps({"src": "/" + DEMO, **given})))
         settle(tab)
         expect(tab, "then the film is not paused:", "player.paused && "
                "!told.includes('play') || told")
+    expect(tab, "play(), pause(), play() give", """(async () => {
+        const first = player.play().catch((e) => e.name);
+        player.pause();
+        await player.play();
+        return await first === 'AbortError' && !player.paused || await first;
+    })()""")
+    expect(tab, "play() of a film that another replaces gives", """
+        (async () => {
+            player.src = '/%s?a';
+            const first = player.play().catch((e) => e.name);
+            player.src = '/%s?b';
+            return await first === 'AbortError' || await first;
+        })()""" % (DEMO, DEMO))
     expect(tab, "play() after that does not play:",
            "player.play().then(() => !player.paused)")
     expect(tab, "play() of nothing gives", """(() => {
