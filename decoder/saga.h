@@ -328,8 +328,9 @@ typedef struct saga_volume {
                      * pivot; 32768 is anywhere */
     uint16_t start; /* camera of the rig with which a player begins; 0 if
                      * there is none */
-    uint16_t quality_q8[2]; /* expected PSNR in dB, Q8: at the cameras, and half
-                             * way between neighbours; 0: unknown */
+    uint16_t quality_q8[2]; /* expected PSNR in dB, Q8: at cameras that
+                             * training saw, and half way between neighbours;
+                             * 0: unknown */
 } saga_volume;
 
 /* Finds the viewing volume. bytes[0..n): the start of the file. The chunk of

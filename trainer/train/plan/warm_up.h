@@ -37,7 +37,7 @@ int saga_plan_teacher_length(int n_warm);
 double saga_plan_time_with(int n_teachers, const saga_capture *capture);
 
 /* An iteration of the rendering stage takes the time of this many of the
- * warm-up. */
+ * warm-up, on the mean of a warm-up. */
 #define SAGA_RENDER_COST 2.5
 
 /* Returns the iterations, those of teachers not counted, of a training that

@@ -11,14 +11,16 @@
 
 #include <math.h>
 
-/* The relative cost of a picture of the polish, which follows the rendering
- * stage: 0.3 of an iteration (measured with 100,000 primitives). */
-#define POLISH_COST (0.3 * SAGA_RENDER_COST)
-
 /* A trial takes this many seconds. Its iterations cost this many times the mean
  * of a warm-up, because they have no small pictures. */
 #define TRIAL_SECONDS 2.0
 #define TRIAL_COST 1.2
+
+/* The time of an iteration of the rendering stage, and of a picture of the
+ * polish that follows it (0.3 of that, measured with 100,000 primitives), in
+ * iterations of the warm-up that draw whole pictures. */
+#define RENDER_COST (SAGA_RENDER_COST / TRIAL_COST)
+#define POLISH_COST (0.3 * RENDER_COST)
 
 enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 
@@ -112,27 +114,26 @@ int saga_train_iteration(const saga_train *t)
 }
 
 /* Returns the work of the rendering stage and the polish that follows it, in
- * iterations of the warm-up. Polished is a segment that makes the networks,
- * without layers. */
+ * iterations of the warm-up that draw whole pictures. Polished is a segment
+ * that makes the networks, without layers. */
 static double work_of_render(const saga_train *t)
 {
     const bool polished = t->turn == 0 && !t->base.n_prim && t->o.n_layers <= 1;
 
-    return SAGA_RENDER_COST * t->o.n_render +
+    return RENDER_COST * t->o.n_render +
            (polished ? POLISH_COST * saga_fit_polish_draws(t->o.n_render,
                                                            t->pictures.n_there)
                      : 0);
 }
 
-/* Returns the work done on a segment, in iterations of the warm-up, of which
- * packing takes none. */
+/* Returns the work done on a segment, in the same unit. Packing takes none. */
 static double work_done(const saga_train *t)
 {
     if (t->stage == SAGA_TRAIN_WARM)
         return saga_train_warm_work(t, false);
     return saga_train_warm_work(t, true) +
            (t->stage == SAGA_TRAIN_RENDER
-                ? SAGA_RENDER_COST * saga_fit_iteration(t->render.fit)
+                ? RENDER_COST * saga_fit_iteration(t->render.fit)
                 : work_of_render(t));
 }
 
