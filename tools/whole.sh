@@ -8,8 +8,7 @@ set -eu
 web=$1
 
 # The page and its workers share one script. Each module becomes a function that
-# runs when it is first needed and returns what the module exports. Comments and
-# indentation are left out.
+# runs when it is first needed and returns what the module exports.
 link() {
     echo 'const made = {};'
     echo 'const need = (name) => made[name] ??= modules[name]();'
@@ -41,8 +40,7 @@ link() {
                 print text
             }
             BEGIN { print "\047" name "\047() {" }
-            { sub(/^ +/, "") }
-            /^\/\// || /^$/ { next }
+            /^\/\// { next }
             held != "" || /^import[ {]/ {
                 held = held (held == "" ? "" : " ") $0
                 if (/;$/) { import(held); held = "" }
@@ -71,6 +69,7 @@ while IFS= read -r line; do
         echo "<meta http-equiv=\"Content-Security-Policy\" content=\"$policy\">"
         ;;
     '<title>'*) echo '<title></title>' ;;
+    '<link rel="modulepreload"'*) ;;
     '<link rel="stylesheet"'*)
         echo '<style>'
         sed 's/^ *//; /^$/d; /SPDX/d' "$web/page.css"

@@ -3,8 +3,9 @@
 // Converts the primitives at a time to the Gaussian splats of other engines,
 // which draw normal distributions. They are in the capture's units.
 
-import { STEEP } from './gpu.js';
-
+// The bit in the header's tools that says that splats fall off faster than
+// Gaussians.
+export const STEEP = 64;
 export const GAUSSIAN_INTS = 13; // 32-bit integers of a web_gaussian of
                                  // saga_web.c
 const MOST_ALPHA = 64880 / 65536;

@@ -15,13 +15,12 @@
 // in the alpha channel: rgb += T alpha colour, T *= 1 - alpha. Eight bits would
 // lose faint splats.
 
+import { STEEP } from './gaussians.js';
+
 const SPLAT_NBYTES = 44; // bytes of a saga_splat of saga.h
 // Browsers allow 16 contexts of WebGL, on phones 8, and take back the oldest
 // one if there are more. Seven canvases have one of their own.
 const MOST_CONTEXTS = 7;
-// The bit in the header's tools that says that splats fall off faster than
-// Gaussians.
-export const STEEP = 64;
 
 // The shape of a splat, for all shaders here and in engine.js. f: the factor g,
 // n, h of the splat's conic. q0: the peak of its opacity is exp2(3 - q0). d:

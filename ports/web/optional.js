@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
 // What JavaScript reads of a file by itself: the entries of the index, the
-// names of the cameras, and where the chunks after the head lie, which are not
-// needed for pictures. The decoder checks what is read here; before that, only
+// names of the cameras, the viewing volume, and where the chunks after the head
+// lie, which are not needed for pictures. The decoder checks what is read here; before that, only
 // the number of bytes to fetch depends on it.
 
 const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
@@ -10,6 +10,8 @@ const ENTRY_NBYTES = 16;   // bytes of an entry of the index
 const MOST_NBYTES = 2 ** 17; // of names or exposures: more than the largest rig
                              // has
 const VOLUME_NBYTES = 64;  // enough to see whether the chunk VOLU has its length
+const HALF_TURN = 32768;   // pi in the volume's angles
+const NO_FLOOR = -(2 ** 31); // the volume's floor is unknown
 const USUAL_NBYTES = 4096; // enough for most names and the next chunk's header
 
 const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset,
@@ -94,4 +96,29 @@ export function nameCameras({ head, info, rig }) {
         camera.name = new TextDecoder().decode(name);
         at += 2 + more;
     }
+}
+
+// Returns the volume of a chunk VOLU, which the decoder has found right, of a
+// file with this `info` (volume.js says what it is).
+export function volumeOf(chunk, { centre, unit: size }) {
+    const view = viewOf(chunk.subarray(CHUNK_NBYTES));
+    const three = (read) => [0, 1, 2].map(read);
+    const unit = (v) => v.map((x) => x / Math.hypot(...v));
+    const direction = (at) => three((i) => view.getInt16(at + 2 * i, true));
+    const angle = (n) => n * Math.PI / HALF_TURN;
+    const up = unit(direction(24)), ahead = direction(30);
+    const rise = up.reduce((sum, x, i) => sum + x * ahead[i], 0);
+    const floor = view.getInt32(20, true);
+
+    return {
+        pivot: three((i) => centre[i] + size * view.getInt32(4 * i, true)),
+        distance: [12, 16].map((at) => size * view.getUint32(at, true)),
+        floor: floor === NO_FLOOR ? null : size * floor,
+        up, front: unit(three((i) => ahead[i] - rise * up[i])),
+        azimuth: angle(view.getUint16(36, true)),
+        elevation: [38, 40].map((at) => angle(view.getInt16(at, true))),
+        turn: angle(view.getUint16(42, true)),
+        start: view.getUint16(44, true),
+        quality: [46, 48].map((at) => view.getUint16(at, true) / 256),
+    };
 }

@@ -12,11 +12,11 @@
 // wait for each other; saga.d.ts has the types.
 
 import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
-import { entriesOf, nameCameras, readOptional } from './optional.js';
+import { entriesOf, nameCameras, readOptional, volumeOf }
+    from './optional.js';
 import { wasmAt } from './places.js';
 import { BlobSource, BytesSource, HttpSource, SagaError, joined }
     from './source.js';
-import { volumeOf } from './volume.js';
 
 export { BlobSource, BytesSource, HttpSource, SagaError };
 

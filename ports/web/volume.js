@@ -7,34 +7,8 @@
 import { add, cross, dollied, dot, forwardOf, norm, sub, times, turnedAbout,
     unit } from './camera.js';
 
-const HEADER_NBYTES = 12;    // of the chunk, before its fields
-const HALF_TURN = 32768;     // pi in the file's angles
-const NO_FLOOR = -(2 ** 31); // the floor is unknown
-const MOST = 0.35;           // radians that an eye can be pulled outside
-const WORSE = 20;            // dB lost per radian outside the volume, a guess
-
-// Returns the volume of a chunk VOLU, which the decoder has found right, of a
-// file with this `info`.
-export function volumeOf(chunk, { centre, unit: size }) {
-    const view = new DataView(chunk.buffer, chunk.byteOffset + HEADER_NBYTES);
-    const three = (read) => [0, 1, 2].map(read);
-    const direction = (at) => three((i) => view.getInt16(at + 2 * i, true));
-    const angle = (n) => n * Math.PI / HALF_TURN;
-    const up = unit(direction(24)), ahead = direction(30);
-    const floor = view.getInt32(20, true);
-
-    return {
-        pivot: three((i) => centre[i] + size * view.getInt32(4 * i, true)),
-        distance: [12, 16].map((at) => size * view.getUint32(at, true)),
-        floor: floor === NO_FLOOR ? null : size * floor,
-        up, front: unit(sub(ahead, times(up, dot(ahead, up)))),
-        azimuth: angle(view.getUint16(36, true)),
-        elevation: [38, 40].map((at) => angle(view.getInt16(at, true))),
-        turn: angle(view.getUint16(42, true)),
-        start: view.getUint16(44, true),
-        quality: [46, 48].map((at) => view.getUint16(at, true) / 256),
-    };
-}
+const MOST = 0.35; // radians that an eye can be pulled outside
+const WORSE = 20;  // dB lost per radian outside the volume, a guess
 
 // Returns the level direction of an azimuth.
 function levelAt({ up, front }, azimuth) {

@@ -24,6 +24,9 @@
               that is saved and loaded is the same, in the capture's units.
               Calls to a viewer before its file is open do not prevent it from
               showing the file
+  modules     the page names all modules that it imports, so that a browser
+              fetches them at once; modules and decoder have at most 132 kB
+              compressed, a tenth more than before format 1.0
   numbers     the reported rate of pictures is that of the last two seconds
   view        `saga view` serves the page with the file, also after a token with
               --host, and the page computes the same CRC as the program
@@ -36,6 +39,7 @@ skipped. `check_web.py FILE.saga ...` only reports the rate for these files.
 """
 
 import base64
+import gzip
 import json
 import os
 import re
@@ -584,6 +588,28 @@ def check_render(page, tmp, key):
         complain("saga render sees something else from a key camera")
 
 
+# What the page has fetched, in this order, and who named it: a module that
+# another one imports is named by 'script', one that a link names by 'other'.
+FETCHED = """performance.getEntriesByType('resource')
+    .map((e) => [e.name.split('/').at(-1), e.initiatorType])"""
+MOST_NBYTES = 132000
+
+
+def check_modules(page, files):
+    page.show("src=still.saga")
+    fetched = page.tab.run(FETCHED)
+    # The worker begins when all modules are here, and imports its own.
+    before = fetched[:[name for name, _ in fetched].index("worker.js")]
+    late = [name for name, by in before if by == "script"]
+    if late != ["page.js"]:
+        complain("only page.js is to be named by a script, not", late)
+    nbytes = sum(len(gzip.compress(data, 9)) for name, data in files.items()
+                 if re.fullmatch(r"\w+\.js|saga_simd\.wasm", name))
+    if nbytes > MOST_NBYTES:
+        complain("modules and decoder have", nbytes, "bytes")
+    verdict("modules")
+
+
 def check_view(page, *options):
     view = subprocess.Popen([SAGA, "view", GOOD + "still.saga", *options],
                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
@@ -716,6 +742,7 @@ def main():
             check_ranges(page, files, tmp)
             check_drop(page, files)
             check_controls(page, tmp)
+            check_modules(page, files)
             check_numbers(page)
             check_view(page)
             check_view(page, "--host", "127.0.0.2")
