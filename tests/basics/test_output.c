@@ -14,6 +14,7 @@
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -309,6 +310,35 @@ TEST_WITH(parts_should_go_when_abandoned, NULL, clear)
         free(part[i]); /* a signal handler must not */
     assert_int_equal(count(), 7);
     assert_int_equal(access("f0", F_OK), 0);
+}
+
+static void abandon_and_die(int number)
+{
+    (void)number;
+    saga_output_abandon();
+    _exit(0);
+}
+
+/* A signal comes at any time while files are created and removed. */
+TEST_WITH(no_part_should_stay_when_a_signal_comes, NULL, clear)
+{
+    for (int i = 0; i < 300; i++) {
+        const pid_t pid = fork();
+
+        if (pid == 0) {
+            const struct itimerval soon = { .it_value.tv_usec = 1 + 7 * i };
+            saga_error error = { "" };
+            saga_output out;
+
+            signal(SIGALRM, abandon_and_die);
+            setitimer(ITIMER_REAL, &soon, NULL);
+            while (saga_output_open(&out, "a", &error))
+                (void)saga_output_close(&out, false, &error);
+            _exit(1);
+        }
+        assert_int_equal(waitpid(pid, NULL, 0), pid);
+        assert_int_equal(count(), 0);
+    }
 }
 
 TEST_WITH(files_of_the_user_should_stay, NULL, clear)

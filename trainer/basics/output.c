@@ -26,27 +26,30 @@ enum { N_NAMES = 1000 };
 enum { N_OPEN = 64 };
 static _Atomic(char *) open_parts[N_OPEN];
 
-/* Lists the name of the part, if there is room. */
-static void remember(saga_output *out)
+/* Lists the name of a part, if there is room. Returns its index from 1, or 0 if
+ * it is not in the list. */
+static int remember(char *name)
 {
-    for (int i = 0; i < N_OPEN && !out->slot; i++) {
+    for (int i = 0; i < N_OPEN; i++) {
         char *none = NULL;
 
-        if (atomic_compare_exchange_strong(&open_parts[i], &none,
-                                           out->temporary))
-            out->slot = i + 1;
+        if (atomic_compare_exchange_strong(&open_parts[i], &none, name))
+            return i + 1;
     }
+    return 0;
 }
 
-/* Removes the name from the list and frees it, unless a signal handler has
- * taken it; then the program is about to end. */
-static void forget(saga_output *out)
+/* Removes a name from the list. Returns false if a signal handler has taken it;
+ * then the program is about to end. */
+static bool forget(char *name, int *slot)
 {
-    char *mine = out->temporary;
+    char *mine = name;
 
-    if (!out->slot ||
-        atomic_compare_exchange_strong(&open_parts[out->slot - 1], &mine, NULL))
-        free(out->temporary);
+    if (*slot &&
+        !atomic_compare_exchange_strong(&open_parts[*slot - 1], &mine, NULL))
+        return false;
+    *slot = 0;
+    return true;
 }
 
 void saga_output_abandon(void)
@@ -63,7 +66,8 @@ void saga_output_abandon(void)
 static void output_free(saga_output *out)
 {
     free(out->path);
-    forget(out);
+    if (forget(out->temporary, &out->slot))
+        free(out->temporary);
     *out = (saga_output){ .file = NULL };
 }
 
@@ -167,10 +171,11 @@ bool saga_output_sweep(const char *path)
     return held;
 }
 
-/* Creates a new part and locks it. Returns a file descriptor, or -1 with errno
- * set. A concurrent sweep may remove the part before it is locked; then the
- * next index is tried. */
-static int create_part(char *name, size_t nbytes, const char *path, bool folder)
+/* Creates a new part and locks it: a file, whose index in the list of open
+ * parts becomes *slot, or a folder if slot is NULL. Returns a file descriptor,
+ * or -1 with errno set. A concurrent sweep may remove the part before it is
+ * locked; then the next index is tried. */
+static int create_part(char *name, size_t nbytes, const char *path, int *slot)
 {
     for (int i = 0; i < N_NAMES; i++) {
         struct stat info;
@@ -178,20 +183,26 @@ static int create_part(char *name, size_t nbytes, const char *path, bool folder)
 
         (void)snprintf(name, nbytes, "%s%s%ld-%d", path, mark, (long)getpid(),
                        i);
-        if (!folder)
+        /* The file is in the list before it exists, since a signal may come
+         * while it is created. */
+        if (slot) {
+            *slot = remember(name);
             fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        else
+        } else {
             fd = mkdir(name, 0777) ? -1 : open(name, O_RDONLY | O_CLOEXEC);
+        }
         if (fd < 0 && errno != EEXIST)
             return -1;
-        if (fd < 0)
-            continue;
-        /* A sweep that held the lock may have removed the part, which then has
-         * no link any more. */
-        (void)flock(fd, LOCK_EX);
-        if (fstat(fd, &info) == 0 && info.st_nlink > 0)
-            return fd;
-        close(fd);
+        if (fd >= 0) {
+            /* A sweep that held the lock may have removed the part, which then
+             * has no link any more. */
+            (void)flock(fd, LOCK_EX);
+            if (fstat(fd, &info) == 0 && info.st_nlink > 0)
+                return fd;
+            close(fd);
+        }
+        if (slot)
+            (void)forget(name, slot);
     }
     errno = EEXIST;
     return -1;
@@ -209,7 +220,7 @@ char *saga_output_folder(const char *path, int *lock, saga_error *error)
 
     if (!name)
         return NULL;
-    *lock = create_part(name, part_nbytes(path), path, true);
+    *lock = create_part(name, part_nbytes(path), path, NULL);
     if (*lock >= 0) {
         (void)sweep(path, name);
         return name;
@@ -247,9 +258,7 @@ static bool open_part(saga_output *out, const struct stat *old, bool alone,
     out->temporary = saga_alloc(n, 1, out->path, error);
     if (!out->temporary)
         return false;
-    fd = create_part(out->temporary, n, out->path, false);
-    if (fd >= 0)
-        remember(out);
+    fd = create_part(out->temporary, n, out->path, &out->slot);
     /* A file that is replaced keeps its permissions. */
     if (fd >= 0 && old)
         (void)fchmod(fd, old->st_mode & 0777);
