@@ -92,7 +92,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers, c) *
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
-                     (double)f->n_segments * f->n_iterations, c->n_frames == 1);
+                     (double)f->n_segments * f->n_iterations, first.n_frames);
     f->memory_nbytes = saga_plan_memory(f->n_primitives, largest);
     f->picture_nbytes = (double)c->picture_nbytes / f->n_segments /
                         (f->scale * f->scale);
