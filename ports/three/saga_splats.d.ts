@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-import type { PerspectiveCamera } from 'three';
+import type { Object3D, PerspectiveCamera } from 'three';
 import type { GaussianSplat } from 'three/addons/objects/GaussianSplat.js';
 import type { EngineView } from 'saga-web/engine.js';
 
@@ -19,6 +19,10 @@ export class SagaSplats extends GaussianSplat {
     /** Moves a camera to the position and orientation of a camera of the rig,
      * and gives it its field of view. */
     placeCamera(camera: PerspectiveCamera, index?: number): void;
+
+    /** Moves a camera that is outside the film's viewing volume to the nearest
+     * place in it. */
+    holdCamera(camera: Object3D): void;
 
     /** Ends the film's workers and frees what the graphics processor has. */
     dispose(): void;

@@ -16,7 +16,7 @@ import { GaussianSplat } from 'three/addons/objects/GaussianSplat.js';
 import { createGaussianSplatGeometry, writeColorBytes, writeCovariance }
     from 'three/addons/utils/GaussianSplatUtils.js';
 import { EngineView } from 'saga-web/engine.js';
-import { placeCamera } from './saga_three.js';
+import { holdCamera, placeCamera } from './saga_three.js';
 
 // Returns `n` splats that show nothing.
 const emptySplats = (n) => createGaussianSplatGeometry(new Float32Array(3 * n),
@@ -62,10 +62,13 @@ export class SagaSplats extends GaussianSplat {
             (i) => new Float32Array(bytes.buffer, 16 * i * n, 4 * n));
 
         // The splats beyond n are at the first one's place and show nothing.
-        for (let i = 0; i < position.count; i++) {
+        if (n === 0)
+            color.array.fill(0);
+        for (let i = 0; n > 0 && i < position.count; i++) {
             const k = i < n ? 4 * i : 0, size = Number(i < n);
 
-            position.array.set(mean.subarray(k, k + 3), 3 * i);
+            for (let axis = 0; axis < 3; axis++)
+                position.array[3 * i + axis] = mean[k + axis];
             writeCovariance(covariance.array, 6 * i, size * scale[k],
                 size * scale[k + 1], size * scale[k + 2],
                 turn[k + 1], turn[k + 2], turn[k + 3], turn[k]);
@@ -104,6 +107,10 @@ export class SagaSplats extends GaussianSplat {
 
     placeCamera(camera, index = this.view.start) {
         placeCamera(this, camera, index);
+    }
+
+    holdCamera(camera) {
+        holdCamera(this, camera);
     }
 
     dispose() {

@@ -28,7 +28,7 @@ plays the demo,
                  falloff of our splats
   splats WebGL, splats WebGPU  so have the pictures of the splat renderer that
                  three.js has itself, with both backends of its WebGPURenderer,
-                 and the walls hide the same
+                 and the walls hide the same; a time without splats shows none
   spark files    Spark reads the splats of a frame that `saga export` wrote as
                  PLY, compressed PLY, SPZ and SOG
 The engines' own renderers of splats and Spark's readers are asked in `make
@@ -440,7 +440,7 @@ HOLD = {"three": """
         .transformPoint(new pc.Vec3(...p)).toArray());"""}
 
 
-def check_hold(tab, name):
+def check_hold(tab, name, engine=None):
     off = tab.run("""(() => {
         %s
         const pivot = [1, 2, 3], eye = [1.3, 2.9, 2];
@@ -458,7 +458,7 @@ def check_hold(tab, name):
         }
         view.viewingVolume = null;
         return told;
-    })()""" % HOLD[name])
+    })()""" % HOLD[engine or name])
     if max(off) > 1e-5:
         complain("held cameras are off by", off)
     verdict(name + " hold")
@@ -540,6 +540,23 @@ def check_splats(server, backend, flags):
         if told[1] != told[2]:
             complain("dispose() leaves", told)
         verdict("splats %s dispose" % backend)
+        check_hold(tab, "splats " + backend, "three")
+        # A time at which no splat is there.
+        empty = tab.run("""(() => {
+            film.take({ bytes: new Uint8Array(0), nSplats: 0 });
+            draw();
+            const { position, covariance, color } =
+                film.splatGeometry.attributes;
+
+            return [[...position.array, ...covariance.array].every(isFinite),
+                Math.max(...color.array)];
+        })()""")
+        if empty != [True, 0]:
+            complain("without splats it has", empty)
+        # three.js says that it falls back to WebGL2.
+        checks.complaints.extend(
+            line for line in tab.log if "under WebGL2 backend" not in line)
+        verdict("splats %s empty" % backend)
     finally:
         tab.close()
 
