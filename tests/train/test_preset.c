@@ -94,9 +94,11 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
 }
 
 /* CPU minutes that trainings with one thread took: whole ones of a ring of half
- * size and, with the trainer of 2026-11, of the room; at 1352x1014 the
- * difference of two short trainings on a busy machine, on which minutes are up
- * to a third longer. */
+ * size, of the room with the trainer of 2026-11, and of ten seconds at
+ * 1352x1014 with two threads; the others at 1352x1014 the difference of two
+ * short trainings. The last four are 12,000 times the mean of some hundred
+ * iterations of each stage, in its proportion. At a megapixel the machine was
+ * busy, on which minutes are up to a third longer. */
 TEST(minutes_should_be_those_measured)
 {
     static const struct {
@@ -108,6 +110,11 @@ TEST(minutes_should_be_those_measured)
         { 20000, 12000, 1352 * 1014, 12.4 },
         { 60000, 12000, 1352 * 1014, 37.8 },
         { 8000, 12000, 320 * 180, 3.3 },
+        { 100395, 54000, 1352 * 1014, 241 },
+        { 100000, 12000, 1352 * 1014, 50.5 },
+        { 30000, 12000, 1352 * 1014, 22.1 },
+        { 17804, 12000, 1280 * 720, 12.9 },
+        { 1271, 12000, 320 * 180, 0.77 },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
