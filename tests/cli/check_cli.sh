@@ -717,7 +717,8 @@ import json, sys
 one, two = (json.load(open(name))["forecast"][0] for name in sys.argv[1:])
 for f, n in (one, 1), (two, 2):
     if f["n_segments"] != n or abs(
-            f["least_kb"] - 4 - 0.012830 / 1.25 * n * f["n_primitives"]) > 1e-6 or (
+            1.25 * f["least_kb"] - 2.8 - 3 * 0.09 -
+            0.01285 * n * f["n_primitives"]) > 1e-6 or (
             f["picture_nbytes"] != 24 * 3 * 32 * 18 * 3) or (
             f["pictures_in_file"]) or (
             f["memory_nbytes"] < f["picture_nbytes"]):

@@ -176,8 +176,8 @@ static const saga_line text[] = {
     { "warnings", NULL,
       "  docs/troubleshooting.md has causes and remedies of each\n" },
     { "", NULL,
-      "\nestimates from the files measured in docs/results/rd.md "
-      "(PSNR is known only\nafter training):\n" },
+      "\nestimates from measured trainings, docs/presets.md (PSNR is known "
+      "only after\ntraining):\n" },
     { "", "forecast",
       "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
       "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"

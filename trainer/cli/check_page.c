@@ -92,7 +92,8 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers, c) *
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
-                     (double)f->n_segments * f->n_iterations, first.n_frames);
+                     (double)f->n_segments * f->n_iterations, first.n_frames,
+                     c->n_views);
     f->memory_nbytes = saga_plan_memory(f->n_primitives, largest);
     f->picture_nbytes = (double)c->picture_nbytes / f->n_segments /
                         (f->scale * f->scale);
@@ -388,8 +389,8 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
         ok = put_thumbnail(to, c, v, error);
     /* The forecast has a row for each preset. */
     fprintf(to,
-            "<h2>Estimates</h2><p>From the files measured in "
-            "docs/results/rd.md; PSNR is known only after training. Segments: "
+            "<h2>Estimates</h2><p>From measured trainings, docs/presets.md; "
+            "PSNR is known only after training. Segments: "
             "%d, each with these numbers of primitives and iterations.<table>",
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)

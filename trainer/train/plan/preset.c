@@ -81,21 +81,23 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 #define LEAST_ITERATIONS 500
 #define LEAST_PIXELS 1e5
 
-/* Bytes of the networks and header, and of a primitive where a size is wanted.
- * At equal size, somewhat fewer primitives with a finer step lose nothing; more
- * of them with a coarser step do (docs/lab/size.md). */
+/* Bytes of the networks and header, and of a primitive if a size is wanted. At
+ * equal size, somewhat fewer primitives with a finer step lose nothing; more of
+ * them with a coarser step do (docs/lab/size.md). */
 #define FIXED_NBYTES 4000
 #define PRIMITIVE_NBYTES 11
 
-/* Bytes of a primitive at the lambda that the rule gives. They grow by some 0.4
- * for each dB that a file reaches, from 10 at 27 dB to 17 at 43, and the dB are
- * not known before the training; so the forecast is off by up to a quarter. A
- * primitive of a film of more than SHORT_FILM frames takes fewer bytes, by this
- * power of the frames: the film reaches fewer dB, and its features learn more
- * slowly (docs/lab/films.md). */
-#define FILM_NBYTES 12.83
+/* Bytes of a film's networks and of what does not grow, of a camera, and of a
+ * primitive at the lambda that the rule gives. The last grow by some 0.4 for
+ * each dB that a file reaches, from 10 at 27 dB to 17 at 43, and the dB are not
+ * known before the training. A primitive of a film of more than SHORT_FILM
+ * frames takes fewer, by this power of the frames: the film reaches fewer dB,
+ * and its features learn more slowly (docs/lab/films.md). */
+#define FILM_NBYTES 2800
+#define CAMERA_NBYTES 90
+#define FILM_PRIMITIVE 12.85
 #define SHORT_FILM 32.0
-#define FILM_POWER 0.19
+#define FILM_POWER 0.18
 
 /* Bytes of memory of a training: without a scene, for a primitive, and for a
  * pixel of the largest picture. tests/train/test_preset.c lists what trainings
@@ -179,20 +181,21 @@ double saga_plan_memory(double n_primitives, double largest)
  * to stills with 0.02 to 8 iterations per primitive, which
  * tests/train/test_preset.c lists, as it does films. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
-                      double n_iterations, int n_frames)
+                      double n_iterations, int n_frames, int n_views)
 {
     const double each = log(n_iterations / n_primitives);
-    const double film = FILM_NBYTES *
-                        pow(fmin(SHORT_FILM / n_frames, 1), FILM_POWER);
-    double lo = film / 1.25, hi = film / 0.75;
+    const double film = FILM_NBYTES + CAMERA_NBYTES * n_views +
+                        FILM_PRIMITIVE * n_primitives *
+                            pow(fmin(SHORT_FILM / n_frames, 1), FILM_POWER);
 
-    /* With few iterations a still has learned less detail to code. */
+    *least = film / 1.25;
+    *most = film / 0.75;
     if (n_frames == 1) {
-        lo = fmin(lo, fmax(4, 7.5 + 0.75 * each));
-        hi = fmin(hi, fmax(7, 10.5 + 0.7 * each));
+        *least = FIXED_NBYTES +
+                 n_primitives * fmin(9, fmax(4, 7.5 + 0.75 * each));
+        *most = FIXED_NBYTES +
+                n_primitives * fmin(14, fmax(7, 10.5 + 0.7 * each));
     }
-    *least = FIXED_NBYTES + lo * n_primitives;
-    *most = FIXED_NBYTES + hi * n_primitives;
 }
 
 /* --- The capture --------------------------------------------------------- */

@@ -77,11 +77,12 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
 double saga_plan_memory(double n_primitives, double largest);
 
 /* Sets *least and *most to the range in which the size of a segment's file
- * mostly lies: 4,000 bytes and 10 to 17 for each primitive, or fewer if the
- * segment has more than 32 frames, 7 to 11 if it has 300. The file of a still
- * (one frame) is smaller the fewer iterations there are for each primitive. */
+ * mostly lies. Of a film this is a number off by up to a quarter: 2,800 bytes,
+ * 90 for each camera and 12.85 for each primitive, or fewer if the segment has
+ * more than 32 frames. The file of a still (one frame) has 4 to 14 bytes for
+ * each primitive, the fewer the fewer iterations. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
-                      double n_iterations, int n_frames);
+                      double n_iterations, int n_frames, int n_views);
 
 /* Returns the number of primitives that make a file of about n_bytes bytes. */
 double saga_plan_primitives_of_size(double n_bytes);
