@@ -94,11 +94,11 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
 }
 
 /* CPU minutes that trainings with one thread took: whole ones of a ring of half
- * size, of rooms and rings at 320x180, and of ten seconds at 1352x1014 with two
- * threads. Of the others, the first three are the difference of two short
- * trainings, and the last three 12,000 times the mean of some hundred
- * iterations of each stage, in its proportion. At a megapixel the machine was
- * busy, on which minutes are up to a third longer. */
+ * size, of rooms and rings at 320x180 and 1280x720, and of ten seconds at
+ * 1352x1014 with two threads. Of the others, the first three are the difference
+ * of two short trainings, and the last two 12,000 times the mean of some
+ * hundred iterations of each stage, in its proportion. At a megapixel the
+ * machine was busy, on which minutes are up to a third longer. */
 TEST(minutes_should_be_those_measured)
 {
     static const struct {
@@ -113,7 +113,7 @@ TEST(minutes_should_be_those_measured)
         { 100395, 54000, 1352 * 1014, 241 },
         { 100000, 12000, 1352 * 1014, 50.5 },
         { 30000, 12000, 1352 * 1014, 22.1 },
-        { 17804, 12000, 1280 * 720, 12.9 },
+        { 17804, 8000, 1280 * 720, 9.6 },
         { 1271, 8000, 320 * 180, 0.445 },
     };
 
@@ -265,29 +265,29 @@ TEST(bytes_of_a_still_should_be_forecast)
 }
 
 /* Files that were made with the rule's lambda, all within a quarter of one
- * number. Those of up to 32 frames
- * are the room, rings and studio of docs/results/rd.md and docs/lab/size.md,
- * studio, person4 and a ring of three cameras by the preset fast; the longer
- * ones are those of docs/lab/films.md, and ten seconds of docs/results/film.md.
- * Not all fit: with 30 visits to a picture, person4's 10,000 primitives took 13
- * % more than the most, and fly7, whose cameras share little, 18 % less than
- * the least. */
+ * number. Those of up to 32 frames are the room, rings and studio of
+ * docs/results/rd.md and docs/lab/size.md, and by the preset fast studio and
+ * rings of three and six cameras; the longer ones are person4 by that preset,
+ * those of docs/lab/films.md, and ten seconds of docs/results/film.md. Not all
+ * fit: with 30 visits to a picture, person4's 10,000 primitives took 13 % more
+ * than the most, and fly7, whose cameras share little, 18 % less than the
+ * least. */
 TEST(bytes_of_a_film_should_be_forecast)
 {
     static const struct {
         int n_frames, n_views, n_primitives, nbytes;
     } made[] = {
-        { 24, 10, 2000, 36800 },      { 24, 10, 8000, 140700 },
-        { 16, 10, 3151, 52780 },      { 16, 12, 2337, 28742 },
-        { 24, 3, 1271, 15679 },       { 32, 14, 5000, 62886 },
-        { 32, 14, 20000, 251950 },    { 30, 14, 8000, 90293 },
-        { 30, 14, 13008, 137703 },    { 30, 14, 60000, 717742 },
-        { 30, 16, 20000, 254900 },    { 15, 20, 12500, 152876 },
-        { 30, 20, 178989, 1989488 },  { 100, 4, 7337, 99192 },
-        { 120, 10, 3710, 37913 },     { 240, 8, 1535, 21867 },
-        { 300, 20, 800, 9455 },       { 300, 20, 1600, 15893 },
-        { 300, 20, 3200, 30227 },     { 300, 20, 6300, 57159 },
-        { 300, 20, 100395, 1070096 },
+        { 24, 10, 2000, 36800 },   { 24, 10, 8000, 140700 },
+        { 16, 10, 3151, 52780 },   { 16, 12, 2337, 28742 },
+        { 24, 3, 1271, 15679 },    { 8, 6, 17804, 252132 },
+        { 32, 14, 5000, 62886 },   { 32, 14, 20000, 251950 },
+        { 30, 14, 8000, 90293 },   { 30, 14, 13008, 137703 },
+        { 30, 14, 60000, 717742 }, { 30, 16, 20000, 254900 },
+        { 15, 20, 12500, 152876 }, { 30, 20, 178989, 1989488 },
+        { 100, 4, 7337, 99192 },   { 120, 10, 3710, 37913 },
+        { 240, 8, 1535, 21867 },   { 300, 20, 800, 9455 },
+        { 300, 20, 1600, 15893 },  { 300, 20, 3200, 30227 },
+        { 300, 20, 6300, 57159 },  { 300, 20, 100395, 1070096 },
     };
 
     for (size_t i = 0; i < sizeof made / sizeof made[0]; i++) {
