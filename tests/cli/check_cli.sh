@@ -343,11 +343,14 @@ says 'a program from before format 1.0 has written it: encode it again'
 verdict "bad: $n files"
 
 # ---- render
-scene=vectors/good/motion.saga
-frames=$("$saga" info "$scene" --json |
-         python3 -c 'import json, sys; print(json.load(sys.stdin)["n_frames"])')
-last=$(printf %05d $((frames - 1)))
-middle=$(printf %05d $((frames / 2)))
+take() { # take FILE: the film of what follows, and its frames
+    scene=$1
+    frames=$("$saga" info "$scene" --json |
+             python3 -c 'import json, sys; print(json.load(sys.stdin)["n_frames"])')
+    last=$(printf %05d $((frames - 1)))
+    middle=$(printf %05d $((frames / 2)))
+}
+take vectors/good/motion.saga
 # same PNG PPM: checks that both have the same size and pixels.
 cat >"$tmp/same.py" <<'PYTHON'
 import struct, sys, zlib
@@ -785,15 +788,15 @@ says_plan() {
     # Messages of the call before would seem to be those of this one, whose
     # shell, killed before it has become saga, removes $tmp.
     : >"$tmp/err"
-    "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast "$@" \
+    "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast --no-refine "$@" \
         >"$tmp/out" 2>"$tmp/err" </dev/null &
     pid=$!
     for ((i = 0; i < 1000; i++)); do
         grep -q 'visits to each' "$tmp/err" && break
         sleep 0.01
     done
-    kill -TERM $pid
-    wait $pid
+    kill -KILL $pid
+    wait $pid 2>/dev/null
     rm -f "$tmp/wide.saga"*
     grep -q "$text" "$tmp/err" || complain "no '$text': $(cat "$tmp/err")"
 }
@@ -974,6 +977,7 @@ verdict check
 
 # ---- eval
 # The pictures the file gives in its rig, as a capture.
+take vectors/good/steep.saga
 cat >"$tmp/capture.py" <<'PYTHON'
 import json, os, subprocess, sys
 
