@@ -134,6 +134,16 @@ TEST_IN_FOLDER(layouts_should_be_the_scene)
     check_form(f->path, "Pose2Sim", &pose2sim, "int_cam%d_img");
 }
 
+/* Checks that the capture's notes have this text. */
+static void assert_notes(const char *path, const char *text)
+{
+    saga_capture c = load(path);
+
+    if (!strstr(c.notes, text))
+        fail_msg("no '%s' in: %s", text, c.notes);
+    saga_capture_free(&c);
+}
+
 /* A workspace of caliscope, with the board's videos beside the calibration. The
  * workspace may be given, or the folder of one recording; if there are two, it
  * has to be the latter. */
@@ -156,6 +166,12 @@ TEST_IN_FOLDER(workspace_of_caliscope_should_be_the_scene)
     check_form(f->path, "caliscope, workspace", &o, "cam_%d");
     snprintf(path[0], sizeof path[0], "%s/recordings/walk", f->path);
     check_form(path[0], "caliscope, recording", &o, "cam_%d");
+    /* The board's videos are no scene. */
+    snprintf(path[1], sizeof path[1], "%s/calibration/extrinsic", f->path);
+    assert_notes(path[1], "extrinsic are those of the calibration, of its");
+    folder_run(f, "mv recordings/walk/cam_3.mp4 .");
+    assert_notes(path[0], "have no video: cam_3; copy theirs");
+    folder_run(f, "mv cam_3.mp4 recordings/walk");
     folder_run(f, "cp -r recordings/walk recordings/jump");
     refused(f->path, f->path, "has 2 recordings with videos");
     check_form(path[0], "caliscope, one of two", &o, "cam_%d");

@@ -132,6 +132,14 @@ def check_links(tmp):
     if png[:8] != b"\x89PNG\r\n\x1a\n" or \
             png[16:24] != (320).to_bytes(4, "big") + (180).to_bytes(4, "big"):
         complain("the picture for links is no PNG of 320x180")
+    # It shows what the page shows first.
+    late, page = folder + "/late.saga", folder + "/late.html"
+    checks.run(SAGA, "volume", DEMO, "--find", "--start", "5", "-o", late)
+    checks.run(SAGA, "export", late, "-o", page, "--address", "https://x.org")
+    checks.run(SAGA, "render", late, "--camera", "5", "--frame", "0", "-o",
+               folder + "/five.png")
+    if read(folder + "/late.png") != read(folder + "/five.png"):
+        complain("the picture for links is not that of the first camera")
     for bad in ("x.org/a.html", "ftp://x.org/", "https:///a.html", "https://",
                 "https://x.org/a b.html", 'https://x.org/"', "https://x.org/?a",
                 "https://x.org/\u00e4.html"):

@@ -135,15 +135,19 @@ static char *carried_json(const page *p)
 
 /* --- The poster ----------------------------------------------------------- */
 
-/* Draws the first picture of the first camera, if the film has cameras. */
+/* Draws the first picture of the camera at which the page begins, if the film
+ * has cameras. */
 static bool draw_poster(page *p)
 {
     saga_camera *const c = &p->camera;
-    uint32_t number;
+    saga_volume volume;
+    uint32_t number, start = 0;
 
     if (!p->film->info.n_cameras)
         return true;
-    if (!saga_film_rig(p->film, 0, c, &number, p->error))
+    if (saga_find_volume(&volume, p->film->bytes, p->film->nbytes) == SAGA_OK)
+        start = volume.start;
+    if (!saga_film_rig(p->film, start, c, &number, p->error))
         return false;
     if (c->width > POSTER_WIDTH)
         saga_camera_resize(c, POSTER_WIDTH,

@@ -68,6 +68,11 @@ static bool refuse(const saga_film *film, const char *what, saga_status status,
 
     if (status == SAGA_ERR_STOPPED)
         return refuse_late(film, error);
+    if (status == SAGA_ERR_TRUNCATED)
+        return saga_fail(error, film->name,
+                         "the file is cut short or damaged: copy it again, or "
+                         "see `saga info`",
+                         "%s (%s)", what, saga_status_text(status));
     /* The decoder only returns a status; a walk over the file finds which chunk
      * is damaged and whether its CRC is right. */
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,

@@ -467,6 +467,10 @@ static int best_rule(const calibration *c)
 
 static bool give_videos(calibration *c, const char *folder)
 {
+    static const saga_note_kind without = {
+        "warning: cameras of the calibration that have no video: ",
+        "; copy theirs beside the others, if they filmed"
+    };
     saga_listing *const l = c->listing;
     const int rule = best_rule(c);
     if (rule < 0)
@@ -482,8 +486,10 @@ static bool give_videos(calibration *c, const char *folder)
     size_t n_used = 0;
     for (int i = 0; i < l->n_sources; i++) {
         const int v = video_of(c, rule, i);
-        if (v < 0)
+        if (v < 0) {
+            saga_note_each(l->notes, &without, "%s", l->sources[i].name);
             continue;
+        }
         l->sources[i].video = saga_path_join(c->videos_folder, c->videos.at[v],
                                              c->error);
         if (!l->sources[i].video)
@@ -545,6 +551,19 @@ static void note_unit(saga_listing *l)
     l->metres = 0.0;
 }
 
+/* Warns if the videos are those by which caliscope or Pose2Sim calibrated. */
+static void note_board(const calibration *c)
+{
+    char *const real = realpath(c->videos_folder, NULL);
+    const char *const in = real ? strstr(real, "/calibration/") : NULL;
+    if (in && (strstr(in, "/intrinsic") || strstr(in, "/extrinsic")))
+        saga_note(c->listing->notes,
+                  "warning: the videos in %s are those of the calibration, of "
+                  "its board; for the scene, give the folder of a recording",
+                  real);
+    free(real);
+}
+
 static bool fill_in(calibration *c, const saga_capture_options *options)
 {
     saga_listing *const l = c->listing;
@@ -562,6 +581,7 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     free(kept_as);
     if (!ok)
         return false;
+    note_board(c);
     note_unit(l);
     saga_note(l->notes, "points: none (a calibration has none)");
     return saga_listing_match_videos(l, options, c->error) &&
@@ -612,7 +632,7 @@ static bool list(saga_listing *listing, const char *folder,
 }
 
 const saga_loader saga_calibrated_videos_loader = {
-    "calibrated videos", "calibration.toml",
+    "calibrated videos", "camera_array.toml, calibration.toml",
     "a video for each camera and the calibration in camera_array.toml of "
     "caliscope, or in calibration.toml of Anipose, Pose2Sim or FreeMoCap; also "
     "the folder of a project of caliscope or Pose2Sim",

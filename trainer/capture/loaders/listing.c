@@ -196,13 +196,19 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 
 /* ----------------------------------------------------------------- loaders */
 
+/* A run's own output is not what the user put there. */
+static bool is_no_part(const char *name)
+{
+    return !strstr(name, ".saga-part-");
+}
+
 /* Writes the first names in a folder in one line, for messages. */
 static bool list_found(char *text, size_t n, const char *folder,
                        saga_error *error)
 {
     enum { MOST = 5 };
     saga_names names;
-    const bool ok = saga_folder_list(&names, folder, NULL, error);
+    const bool ok = saga_folder_list(&names, folder, is_no_part, error);
     size_t at = (size_t)snprintf(text, n, names.n ? "" : "nothing");
     for (size_t i = 0; i < names.n && i < MOST && at < n; i++)
         at += (size_t)snprintf(text + at, n - at, "%s%.40s", i ? ", " : "",
@@ -232,7 +238,7 @@ static bool unknown_format(const saga_listing *listing, const char *path,
     return list_found(found, sizeof found, path, error) &&
            saga_fail(error, path, looked,
                      "holds no capture of a known format "
-                     "(docs/from-cameras.md explains how to make one), but %s",
+                     "(docs/from-cameras.md explains how to make one); it has %s",
                      found);
 }
 
