@@ -26,6 +26,7 @@
 #include "notes.h"
 #include "pose.h"
 #include "toml.h"
+#include "video_owner.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -397,73 +398,7 @@ static bool check_files(const calibration *c, const char *folder)
                      c->path);
 }
 
-/* ----------------------------------------------------- which is whose video */
-
-/* The rules by which a video's name without extension belongs to a camera, the
- * most certain first: "trial" to camera "trial", "walk-camA" to "A", "port_3"
- * to "cam_03". */
-static bool is_same(const char *camera, const char *video, size_t n)
-{
-    return strlen(camera) == n && strncasecmp(camera, video, n) == 0;
-}
-
-static bool ends_so(const char *camera, const char *video, size_t n)
-{
-    const size_t m = strlen(camera);
-    return m > 0 && m <= n && strncasecmp(camera, video + n - m, m) == 0;
-}
-
-static bool has_number(const char *camera, const char *video, size_t n)
-{
-    uint64_t a, b;
-    return saga_last_number(camera, strlen(camera), &a) &&
-           saga_last_number(video, n, &b) && a == b;
-}
-
-static bool (*const rules[])(const char *camera, const char *video,
-                             size_t n) = { is_same, ends_so, has_number };
-
-enum { N_RULES = sizeof rules / sizeof *rules };
-
-static bool belongs(const calibration *c, int rule, int camera, int video)
-{
-    const char *const name = c->videos.at[video];
-    return rules[rule](c->listing->sources[camera].name, name,
-                       (size_t)(strrchr(name, '.') - name));
-}
-
-/* Returns the only video that belongs to a camera and to no other camera, or
- * -1. */
-static int video_of(const calibration *c, int rule, int camera)
-{
-    int found = -1;
-    for (int v = 0; v < (int)c->videos.n; v++)
-        if (belongs(c, rule, camera, v)) {
-            if (found >= 0)
-                return -1;
-            found = v;
-        }
-    for (int i = 0; found >= 0 && i < c->listing->n_sources; i++)
-        if (i != camera && belongs(c, rule, i, found))
-            return -1;
-    return found;
-}
-
-/* Returns the rule by which most cameras have a video, or -1 if none has. */
-static int best_rule(const calibration *c)
-{
-    int best = -1, most = 0;
-    for (int rule = 0; rule < N_RULES; rule++) {
-        int n = 0;
-        for (int i = 0; i < c->listing->n_sources; i++)
-            n += video_of(c, rule, i) >= 0;
-        if (n > most) {
-            best = rule;
-            most = n;
-        }
-    }
-    return best;
-}
+/* ------------------------------------------------------- their cameras */
 
 static bool give_videos(calibration *c, const char *folder)
 {
@@ -472,7 +407,7 @@ static bool give_videos(calibration *c, const char *folder)
         "; copy theirs beside the others, if they filmed"
     };
     saga_listing *const l = c->listing;
-    const int rule = best_rule(c);
+    const int rule = saga_video_rule(l, &c->videos);
     if (rule < 0)
         return saga_fail(c->error, folder,
                          "name each video as its camera, for "
@@ -485,7 +420,7 @@ static bool give_videos(calibration *c, const char *folder)
     /* Videos that no camera takes are only counted. */
     size_t n_used = 0;
     for (int i = 0; i < l->n_sources; i++) {
-        const int v = video_of(c, rule, i);
+        const int v = saga_video_of(l, &c->videos, rule, i);
         if (v < 0) {
             saga_note_each(l->notes, &without, "%s", l->sources[i].name);
             continue;

@@ -236,10 +236,11 @@ static bool unknown_format(const saga_listing *listing, const char *path,
                               l[1] ? ", "
                                    : "; `saga help check` lists the layouts");
     return list_found(found, sizeof found, path, error) &&
-           saga_fail(error, path, looked,
-                     "holds no capture of a known format "
-                     "(docs/from-cameras.md explains how to make one); it has %s",
-                     found);
+           saga_fail(
+               error, path, looked,
+               "holds no capture of a known format "
+               "(docs/from-cameras.md explains how to make one); it has %s",
+               found);
 }
 
 bool saga_listing_make_part(saga_listing *listing, const char *path,
