@@ -28,6 +28,7 @@
 #include "toml.h"
 #include "video_owner.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -489,14 +490,15 @@ static void note_unit(saga_listing *l)
 /* Warns if the videos are those by which caliscope or Pose2Sim calibrated. */
 static void note_board(const calibration *c)
 {
-    char *const real = realpath(c->videos_folder, NULL);
-    const char *const in = real ? strstr(real, "/calibration/") : NULL;
+    char real[PATH_MAX];
+    const char *const in = realpath(c->videos_folder, real)
+                               ? strstr(real, "/calibration/")
+                               : NULL;
     if (in && (strstr(in, "/intrinsic") || strstr(in, "/extrinsic")))
         saga_note(c->listing->notes,
                   "warning: the videos in %s are those of the calibration, of "
                   "its board; for the scene, give the folder of a recording",
                   real);
-    free(real);
 }
 
 static bool fill_in(calibration *c, const saga_capture_options *options)
