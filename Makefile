@@ -430,10 +430,9 @@ $(ENGINE_FILES): $(BUILD)/%: ports/%
 	@mkdir -p $(@D)
 	@cp $< $@
 
-# Modules lose comments and indentation, a quarter of what a browser fetches.
-$(WEB)/%.js: ports/web/%.js
+$(WEB)/%.js: ports/web/%.js tools/strip.sh
 	@mkdir -p $(@D)
-	@sed '1!{/^ *\/\//d}; s/^ *//; /^$$/d' $< >$@
+	@tools/strip.sh $< >$@
 
 $(WEB)/index.html: ports/web/index.html tools/preload.sh \
     $(wildcard ports/web/*.js)

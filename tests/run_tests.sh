@@ -283,10 +283,11 @@ many() {
     SAGA_LIB=$build/gcc/libsaga.a check abi python3 tests/check_abi.py
     SAGA_CHECK_VECTORS=$build/gcc/check_vectors \
         check conform tests/check_conform.sh
-    for name in round cli encode subject volume floors ablation rd codecs \
-        input install packages; do
+    for name in round cli encode subject volume floors rd codecs input \
+        install packages; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    [ "$what" != all ] || check ablation tests/cli/check_ablation.sh
     check devices tests/cli/check_devices.sh
     [ "$what" != all ] || check subgroups tests/cli/check_subgroups.sh
     check ksy python3 tests/check_ksy.py

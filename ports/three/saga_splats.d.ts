@@ -21,7 +21,7 @@ export class SagaSplats extends GaussianSplat {
     placeCamera(camera: PerspectiveCamera, index?: number): void;
 
     /** Moves a camera that is outside the film's viewing volume to the nearest
-     * place in it. */
+     * place in it; to be called after controls have moved it. */
     holdCamera(camera: Object3D): void;
 
     /** Ends the film's workers and frees what the graphics processor has. */

@@ -2,8 +2,8 @@
 //
 // What JavaScript reads of a file by itself: the entries of the index, the
 // names of the cameras, the viewing volume, and where the chunks after the head
-// lie, which are not needed for pictures. The decoder checks what is read here; before that, only
-// the number of bytes to fetch depends on it.
+// lie, which are not needed for pictures. The decoder checks what is read here;
+// before that, only the number of bytes to fetch depends on it.
 
 const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
 const ENTRY_NBYTES = 16;   // bytes of an entry of the index

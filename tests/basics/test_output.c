@@ -324,6 +324,7 @@ TEST_WITH(no_part_should_stay_when_a_signal_comes, NULL, clear)
 {
     for (int i = 0; i < 300; i++) {
         const pid_t pid = fork();
+        int status;
 
         if (pid == 0) {
             const struct itimerval soon = { .it_value.tv_usec = 1 + 7 * i };
@@ -336,7 +337,8 @@ TEST_WITH(no_part_should_stay_when_a_signal_comes, NULL, clear)
                 (void)saga_output_close(&out, false, &error);
             _exit(1);
         }
-        assert_int_equal(waitpid(pid, NULL, 0), pid);
+        assert_int_equal(waitpid(pid, &status, 0), pid);
+        assert_int_equal(status, 0);
         assert_int_equal(count(), 0);
     }
 }

@@ -549,7 +549,8 @@ def check_splats(server, backend, flags):
                 film.splatGeometry.attributes;
 
             return [[...position.array, ...covariance.array].every(isFinite),
-                Math.max(...color.array)];
+                Math.max(...color.array,
+                    ...film._buffers.colorRead.value.array)];
         })()""")
         if empty != [True, 0]:
             complain("without splats it has", empty)

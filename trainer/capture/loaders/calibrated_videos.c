@@ -491,10 +491,14 @@ static void note_unit(saga_listing *l)
 static void note_board(const calibration *c)
 {
     char real[PATH_MAX];
-    const char *const in = realpath(c->videos_folder, real)
-                               ? strstr(real, "/calibration/")
-                               : NULL;
-    if (in && (strstr(in, "/intrinsic") || strstr(in, "/extrinsic")))
+    if (!realpath(c->videos_folder, real))
+        return;
+    /* The last two names are calibration/intrinsic or so. */
+    const char *const last = strrchr(real, '/');
+    static const char above[] = "/calibration";
+    const size_t n = sizeof above - 1;
+    if ((size_t)(last - real) >= n && memcmp(last - n, above, n) == 0 &&
+        (strstr(last, "intrinsic") || strstr(last, "extrinsic")))
         saga_note(c->listing->notes,
                   "warning: the videos in %s are those of the calibration, of "
                   "its board; for the scene, give the folder of a recording",

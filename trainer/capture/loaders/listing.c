@@ -197,7 +197,7 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 /* ----------------------------------------------------------------- loaders */
 
 /* A run's own output is not what the user put there. */
-static bool is_no_part(const char *name)
+static bool is_of_user(const char *name)
 {
     return !strstr(name, ".saga-part-");
 }
@@ -208,7 +208,7 @@ static bool list_found(char *text, size_t n, const char *folder,
 {
     enum { MOST = 5 };
     saga_names names;
-    const bool ok = saga_folder_list(&names, folder, is_no_part, error);
+    const bool ok = saga_folder_list(&names, folder, is_of_user, error);
     size_t at = (size_t)snprintf(text, n, names.n ? "" : "nothing");
     for (size_t i = 0; i < names.n && i < MOST && at < n; i++)
         at += (size_t)snprintf(text + at, n - at, "%s%.40s", i ? ", " : "",

@@ -76,11 +76,12 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
  * picture. */
 double saga_plan_memory(double n_primitives, double largest);
 
-/* Sets *least and *most to the range in which the size of a segment's file
- * mostly lies. Of a film this is a number off by up to a quarter: 2,800 bytes,
- * 90 for each camera and 12.85 for each primitive, or fewer if the segment has
- * more than 32 frames. The file of a still (one frame) has 4 to 14 bytes for
- * each primitive, the fewer the fewer iterations. */
+/* Sets *least and *most to the range in which the size of a file mostly lies.
+ * Primitives and iterations are those of all its segments, frames those of one.
+ * Of a film this is a number off by up to a quarter: 2,800 bytes, 90 for each
+ * camera and 12.85 for each primitive, or fewer if the segment has more than 32
+ * frames. The file of a still (one frame) has 4 to 14 bytes for each primitive,
+ * the fewer the fewer iterations. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, int n_frames, int n_views);
 
