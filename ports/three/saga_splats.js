@@ -61,7 +61,8 @@ export class SagaSplats extends GaussianSplat {
         const [mean, scale, turn, colour] = [0, 1, 2, 3].map(
             (i) => new Float32Array(bytes.buffer, 16 * i * n, 4 * n));
 
-        // The splats beyond n are at the first one's place and show nothing.
+        // The splats beyond n are at the first one's place and show nothing; if
+        // there is none, all stay where they are.
         if (n === 0)
             color.array.fill(0);
         for (let i = 0; n > 0 && i < position.count; i++) {

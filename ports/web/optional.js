@@ -99,7 +99,8 @@ export function nameCameras({ head, info, rig }) {
 }
 
 // Returns the volume of a chunk VOLU, which the decoder has found right, of a
-// file with this `info` (volume.js says what it is).
+// file with this `info` (volume.js says what it is). Vectors are computed here,
+// so that a worker need not fetch volume.js and camera.js.
 export function volumeOf(chunk, { centre, unit: size }) {
     const view = viewOf(chunk.subarray(CHUNK_NBYTES));
     const three = (read) => [0, 1, 2].map(read);

@@ -788,15 +788,15 @@ says_plan() {
     # Messages of the call before would seem to be those of this one, whose
     # shell, killed before it has become saga, removes $tmp.
     : >"$tmp/err"
-    "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast --no-refine "$@" \
+    "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast "$@" \
         >"$tmp/out" 2>"$tmp/err" </dev/null &
     pid=$!
     for ((i = 0; i < 1000; i++)); do
         grep -q 'visits to each' "$tmp/err" && break
         sleep 0.01
     done
-    kill -KILL $pid
-    wait $pid 2>/dev/null
+    kill -TERM $pid
+    wait $pid
     rm -f "$tmp/wide.saga"*
     grep -q "$text" "$tmp/err" || complain "no '$text': $(cat "$tmp/err")"
 }

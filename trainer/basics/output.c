@@ -16,7 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char mark[] = ".saga-part-";
+static const char mark[] = SAGA_OUTPUT_MARK;
 
 /* The largest number of simultaneous parts of one path. */
 enum { N_NAMES = 1000 };

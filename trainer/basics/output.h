@@ -19,6 +19,9 @@
 #include <stdint.h>
 #include <stdio.h>
 
+/* Between NAME and the numbers of a part. */
+#define SAGA_OUTPUT_MARK ".saga-part-"
+
 typedef struct saga_output {
     FILE *file;             /* NULL: not open */
     char *path, *temporary; /* temporary is NULL if there is no part */

@@ -399,7 +399,7 @@ static bool check_files(const calibration *c, const char *folder)
                      c->path);
 }
 
-/* ------------------------------------------------------- their cameras */
+/* ----------------------------------------------------------- their cameras */
 
 static bool give_videos(calibration *c, const char *folder)
 {

@@ -9,6 +9,7 @@
 #include "error.h"
 #include "file.h"
 #include "notes.h"
+#include "output.h"
 #include "picture.h"
 #include "picture_turn.h"
 
@@ -199,7 +200,7 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 /* A run's own output is not what the user put there. */
 static bool is_of_user(const char *name)
 {
-    return !strstr(name, ".saga-part-");
+    return !strstr(name, SAGA_OUTPUT_MARK);
 }
 
 /* Writes the first names in a folder in one line, for messages. */

@@ -10,9 +10,6 @@
 /* Iterations until the full learning rate, while Adam's moments build up. */
 enum { RAMP = 300 };
 
-/* Frames of the longest film whose features learn at the whole rate. */
-#define SHORT_FILM 32.0
-
 int saga_fit_first_rounding(const saga_fit *f)
 {
     return (2 * f->o.n_render + 2) / 3;
@@ -51,7 +48,7 @@ static real decay(int i, int n, real last)
  * over several steps of their quantiser, which takes bits. */
 static double for_length(double frames)
 {
-    return fmin(1, sqrt(SHORT_FILM / frames));
+    return fmin(1, sqrt(SAGA_SHORT_FILM / frames));
 }
 
 /* Returns the rate of the features. A rendering longer than 2,400 iterations

@@ -14,6 +14,10 @@
  * saga_policy_lambda. */
 #define SAGA_PRIMITIVE_BITS 75.0
 
+/* Frames of the longest film whose features learn at the whole rate. Those of
+ * longer ones learn more slowly, and take fewer bytes (docs/lab/films.md). */
+#define SAGA_SHORT_FILM 32.0
+
 /* The training loss (fit.h) adds these prices to the squared error for each
  * bit. */
 typedef struct saga_prices {

@@ -4,6 +4,7 @@
 #include "level_room.h"
 #include "model.h"
 #include "motion.h"
+#include "policy.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -90,13 +91,12 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 /* Bytes of a film's networks and of what does not grow, of a camera, and of a
  * primitive at the lambda that the rule gives. The last grow by some 0.4 for
  * each dB that a file reaches, from 10 at 27 dB to 17 at 43, and the dB are not
- * known before the training. A primitive of a film of more than SHORT_FILM
+ * known before the training. A primitive of a film of more than SAGA_SHORT_FILM
  * frames takes fewer, by this power of the frames: the film reaches fewer dB,
  * and its features learn more slowly (docs/lab/films.md). */
 #define FILM_NBYTES 2800
 #define CAMERA_NBYTES 90
 #define FILM_PRIMITIVE 12.85
-#define SHORT_FILM 32.0
 #define FILM_POWER 0.18
 
 /* Bytes of memory of a training: without a scene, for a primitive, and for a
@@ -186,15 +186,17 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
     const double each = log(n_iterations / n_primitives);
     const double film = FILM_NBYTES + CAMERA_NBYTES * n_views +
                         FILM_PRIMITIVE * n_primitives *
-                            pow(fmin(SHORT_FILM / n_frames, 1), FILM_POWER);
+                            pow(fmin(SAGA_SHORT_FILM / n_frames, 1),
+                                FILM_POWER);
 
-    *least = film / 1.25;
-    *most = film / 0.75;
     if (n_frames == 1) {
         *least = FIXED_NBYTES +
                  n_primitives * fmin(9, fmax(4, 7.5 + 0.75 * each));
         *most = FIXED_NBYTES +
                 n_primitives * fmin(14, fmax(7, 10.5 + 0.7 * each));
+    } else {
+        *least = film / 1.25;
+        *most = film / 0.75;
     }
 }
 
