@@ -47,6 +47,10 @@ static inline wide wide_div(wide a, wide b)
 {
     return _mm512_div_ps(a, b);
 }
+static inline wide wide_sqrt(wide a)
+{
+    return _mm512_sqrt_ps(a);
+}
 static inline wide wide_min(wide a, wide b)
 {
     return _mm512_min_ps(a, b);
@@ -87,6 +91,12 @@ static inline wide_mask wide_both(wide_mask a, wide_mask b)
 static inline wide wide_keep(wide_mask mask, wide a)
 {
     return _mm512_maskz_mov_ps(mask, a);
+}
+
+/* Returns a in the lanes where the mask is set, b in the others. */
+static inline wide wide_select(wide_mask mask, wide a, wide b)
+{
+    return _mm512_mask_blend_ps(mask, b, a);
 }
 
 static inline int wide_any(wide_mask mask)
@@ -201,6 +211,16 @@ static inline wide wide_div(wide a, wide b)
     return a;
 }
 
+static inline wide wide_sqrt(wide a)
+{
+    int i;
+
+    WIDE_UNROLL
+    for (i = 0; i < WIDE_VECS; i++)
+        a.v[i] = vec_sqrt(a.v[i]);
+    return a;
+}
+
 static inline wide wide_min(wide a, wide b)
 {
     int i;
@@ -283,6 +303,17 @@ static inline wide wide_keep(wide_mask mask, wide a)
     WIDE_UNROLL
     for (i = 0; i < WIDE_VECS; i++)
         a.v[i] = vec_and(mask.v[i], a.v[i]);
+    return a;
+}
+
+/* Returns a in the lanes where the mask is set, b in the others. */
+static inline wide wide_select(wide_mask mask, wide a, wide b)
+{
+    int i;
+
+    WIDE_UNROLL
+    for (i = 0; i < WIDE_VECS; i++)
+        a.v[i] = vec_select(mask.v[i], a.v[i], b.v[i]);
     return a;
 }
 

@@ -165,9 +165,9 @@ static void tame_threads(char **argv)
 #endif
 }
 
-/* Makes the stack as deep as the program needs it (block_adam.c takes 416 kB).
- * If it grew only when memory is used up, the system would end the program
- * before it could say so. */
+/* Makes the stack deeper than training needs it, whose functions take up to
+ * 67 kB each. If it grew only when memory is used up, the system would end the
+ * program before it could say so. */
 static void deepen_stack(void)
 {
     enum { NBYTES = 512 << 10, PAGE = 4096 };

@@ -16,12 +16,14 @@
 #include "adam.h"
 #include "model.h"
 
-/* Iterations between two updates of a block's axes. In each iteration some of
- * the blocks are updated. An update costs as much as about twenty steps of its
- * block; updates every 20 iterations gained nothing in a paired comparison. */
 enum {
+    /* Iterations between two updates of a block's axes. In each iteration some
+     * of the blocks are updated. An update costs as much as about twenty steps
+     * of its block; updates every 20 iterations gained nothing in a paired
+     * comparison. */
     SAGA_BLOCK_TURN_EVERY = 50,
-    SAGA_BLOCK_RECENT = 5 /* steps between two updates of a covariance */
+    SAGA_BLOCK_RECENT = 5, /* steps between two updates of a covariance */
+    SAGA_BLOCK_LANES = 16  /* blocks that are computed together */
 };
 
 /* The numbers of a row that a block has: first .. first + n - 1. */
@@ -31,28 +33,30 @@ typedef struct saga_block_span {
 
 /* n blocks, each of the numbers of a row that `span` tells, or of all. `width`
  * is the largest number of a block rounded up to a multiple of four, and at
- * most SAGA_MAX_FEATURES. Everything except gradient, spans and rate is state,
- * owned by the caller. */
+ * most SAGA_MAX_FEATURES. The state has saga_block_adam_size reals. Of each
+ * group of blocks it has axes (width, width), whose rows are axes; the moments
+ * m and v (width) along them; the covariance (width, width) of the gradients;
+ * and gradients (SAGA_BLOCK_RECENT, width) that it has yet to get. Each of
+ * these numbers is there SAGA_BLOCK_LANES times, once for each block of the
+ * group; block 0 is the first of its group. */
 typedef struct saga_block_adam {
     real *x;                     /* (n, stride) */
     const real *g;               /* (n, stride) gradients */
     const saga_block_span *span; /* (n); NULL: all of a row, of `width` */
-    real *m, *v;      /* (n, width) moments along the axes, zero before
-                       * the first step */
-    real *covariance; /* (n, width, width), zero before the first step */
-    real *recent;     /* (n, SAGA_BLOCK_RECENT, width) gradients that the
-                       * covariance has yet to get, zero before the first
-                       * step */
-    real *axes;       /* (n, width, width) rows are axes; set by
-                       * saga_block_adam_begin */
+    real *state;
     size_t n, width, stride;
     real rate;
 } saga_block_adam;
 
+#define saga_block_adam_size SAGA_ISA_NAME(saga_block_adam_size)
 #define saga_block_adam_begin SAGA_ISA_NAME(saga_block_adam_begin)
 #define saga_block_adam_update SAGA_ISA_NAME(saga_block_adam_update)
 
-/* Sets the axes of all blocks to those of the coordinates. */
+/* Returns the number of reals in the state of n blocks. */
+extern size_t saga_block_adam_size(size_t n, size_t width);
+
+/* Sets the axes of all blocks to those of the coordinates, and all other state
+ * to zero. */
 extern void saga_block_adam_begin(const saga_block_adam *b);
 
 /* Does a step; `step` counts from 1. Until the first update of its axes, a

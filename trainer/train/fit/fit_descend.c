@@ -27,24 +27,15 @@ static saga_block_adam feature_blocks(saga_fit *f)
     return (saga_block_adam){ .x = s->coarse_feature,
                               .g = f->grad.reals + at,
                               .span = d->span,
-                              .m = d->m + at,
-                              .v = d->v + at,
-                              .covariance = d->covariance,
-                              .recent = d->recent,
-                              .axes = d->axes,
+                              .state = d->blocks,
                               .n = s->n.coarse,
                               .width = d->width,
                               .stride = s->model.features };
 }
 
-static size_t n_axes(const saga_fit *f)
+static size_t n_blocks_state(const saga_fit *f)
 {
-    return (size_t)f->scene->n.coarse * f->descent.width * f->descent.width;
-}
-
-static size_t n_recent(const saga_fit *f)
-{
-    return (size_t)f->scene->n.coarse * SAGA_BLOCK_RECENT * f->descent.width;
+    return saga_block_adam_size(f->scene->n.coarse, f->descent.width);
 }
 
 static size_t widest_block(const saga_model *m)
@@ -71,10 +62,9 @@ bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
                           error);
     d->m = zeros(f->scene->n_reals, error);
     d->v = zeros(f->scene->n_reals, error);
-    d->covariance = zeros(n_axes(f), error);
-    d->recent = zeros(n_recent(f), error);
-    d->axes = zeros(n_axes(f), error);
-    if (!d->span || !d->m || !d->v || !d->covariance || !d->recent || !d->axes)
+    d->blocks = saga_aligned_alloc(64, n_blocks_state(f) * sizeof *d->blocks,
+                                   "the fit", error);
+    if (!d->span || !d->m || !d->v || !d->blocks)
         return false;
     features = feature_blocks(f);
     saga_block_adam_begin(&features);
@@ -85,22 +75,18 @@ void saga_fit_free_descent(saga_fit *f)
 {
     free(f->descent.m);
     free(f->descent.v);
-    free(f->descent.covariance);
-    free(f->descent.recent);
-    free(f->descent.axes);
+    free(f->descent.blocks);
     free(f->descent.span);
 }
 
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
 {
     const saga_descent *const d = &f->descent;
-    const size_t n = f->scene->n_reals, n_square = n_axes(f);
+    const size_t n = f->scene->n_reals;
 
     saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
     saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
-    saga_checkpoint_walk(c, d->covariance, n_square * sizeof *d->covariance);
-    saga_checkpoint_walk(c, d->recent, n_recent(f) * sizeof *d->recent);
-    saga_checkpoint_walk(c, d->axes, n_square * sizeof *d->axes);
+    saga_checkpoint_walk(c, d->blocks, n_blocks_state(f) * sizeof *d->blocks);
 }
 
 /* --- Step ---------------------------------------------------------------- */

@@ -11,12 +11,9 @@
 
 /* The state of the optimisers. */
 typedef struct saga_descent {
-    real *m, *v;             /* Adam's moments (n_reals); those of features
-                              * are along their axes */
-    real *covariance, *axes; /* (coarse, width, width): of each anchor's feature
-                              * gradients, and its eigenvectors */
-    real *recent;          /* (coarse, SAGA_BLOCK_RECENT, width) gradients that
-                            * the covariance has yet to get */
+    real *m, *v;           /* Adam's moments (n_reals); not those of features,
+                            * which are in `blocks` */
+    real *blocks;          /* the state of block_adam.h */
     saga_block_span *span; /* (coarse) features that an anchor's class has */
     size_t width;          /* the most features that a class has, rounded up
                             * to a multiple of four */
