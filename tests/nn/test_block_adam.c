@@ -249,6 +249,9 @@ TEST(blocks_should_not_depend_on_threads_or_other_blocks)
         }
     }
     assert_memory_equal(s[0].x, s[1].x, N * WIDTH * sizeof(float));
+    /* The groups of the first 800 blocks have no others. */
+    assert_memory_equal(s[0].b.state, s[1].b.state,
+                        saga_block_adam_size(800, WIDTH) * sizeof(float));
     drop(&s[0]);
     drop(&s[1]);
 }

@@ -194,9 +194,18 @@ static void turn(const group *t)
 
 /* --- Steps --------------------------------------------------------------- */
 
-static saga_block_span span_of(const saga_block_adam *b, size_t i)
+/* Returns where the numbers of a lane's block begin in the rows, and sets *n to
+ * how many it has; a lane without a block has none. */
+static size_t begin_of(size_t *n, const saga_block_adam *b, const group *t,
+                       size_t lane)
 {
-    return b->span ? b->span[i] : (saga_block_span){ 0, (uint8_t)b->width };
+    const size_t i = t->first + lane * APART;
+    saga_block_span has = { 0, i < b->n ? (uint8_t)b->width : 0 };
+
+    if (b->span && i < b->n)
+        has = b->span[i];
+    *n = has.n;
+    return i * b->stride + has.first;
 }
 
 /* Copies the rows of a group's blocks to `to` (width, LANES). Numbers that a
@@ -207,28 +216,22 @@ static void take(real *to, const saga_block_adam *b, const group *t,
 {
     memset(to, 0, LANES * t->n * sizeof *to);
     for (size_t lane = 0; lane < LANES; lane++) {
-        const size_t i = t->first + lane * APART;
-        saga_block_span has;
+        size_t n;
+        const size_t begin = begin_of(&n, b, t, lane);
 
-        if (i >= b->n)
-            break;
-        has = span_of(b, i);
-        for (size_t k = 0; k < has.n; k++)
-            to[LANES * k + lane] = from[i * b->stride + has.first + k];
+        for (size_t k = 0; k < n; k++)
+            to[LANES * k + lane] = from[begin + k];
     }
 }
 
 static void give(const saga_block_adam *b, const group *t, const real *x)
 {
     for (size_t lane = 0; lane < LANES; lane++) {
-        const size_t i = t->first + lane * APART;
-        saga_block_span has;
+        size_t n;
+        const size_t begin = begin_of(&n, b, t, lane);
 
-        if (i >= b->n)
-            break;
-        has = span_of(b, i);
-        for (size_t k = 0; k < has.n; k++)
-            b->x[i * b->stride + has.first + k] = x[LANES * k + lane];
+        for (size_t k = 0; k < n; k++)
+            b->x[begin + k] = x[LANES * k + lane];
     }
 }
 
@@ -246,7 +249,7 @@ static void remember(const job *j, const group *t, const real *g)
     if (now < RECENT - 1)
         return;
     for (size_t k = 0; k < n; k++) {
-        wide part[RECENT];
+        wide part[RECENT]; /* (1 - beta2) g_k */
 
         for (size_t p = 0; p < RECENT; p++)
             part[p] = wide_mul(rest2, at(t->recent + p * row, k));
@@ -311,15 +314,16 @@ static void step_along(const job *j, const group *t, real *r)
 static void step_group(const job *j, const group *t)
 {
     real g[LANES * MOST], r[LANES * MOST], x[LANES * MOST];
+    const bool turns = (j->step + t->first) % APART == 0;
 
     take(g, j->b, t, j->b->g);
     remember(j, t, g);
-    look_along(r, t, g);
-    spread(j, t, r);
-    if ((j->step + t->first) % APART == 0) {
+    if (turns)
         turn(t);
-        look_along(r, t, g);
-    }
+    look_along(r, t, g);
+    /* A turn computes v from the covariance, which has this gradient. */
+    if (!turns)
+        spread(j, t, r);
     step_along(j, t, r);
     take(x, j->b, t, j->b->x);
     add_rows(x, r, t->axes, t->n, t->n);

@@ -11,8 +11,8 @@
 
 /* The state of the optimisers. */
 typedef struct saga_descent {
-    real *m, *v;           /* Adam's moments (n_reals); not those of features,
-                            * which are in `blocks` */
+    real *m, *v;           /* Adam's moments (n_reals); those of features are in
+                            * `blocks`, and their place here serves start.c */
     real *blocks;          /* the state of block_adam.h */
     saga_block_span *span; /* (coarse) features that an anchor's class has */
     size_t width;          /* the most features that a class has, rounded up
