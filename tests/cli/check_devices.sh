@@ -10,6 +10,9 @@
 #   choose      --device takes numbers of the list; auto and gpu leave
 #               processors out; other words and numbers are refused, with a
 #               remedy
+#   move        a training stopped in the rendering stage goes on to the same
+#               bytes on its device, and to a film on the processor; and one of
+#               the processor goes on on the device
 #   valid       what a training makes Vulkan do is correct, and each command
 #               waits for what it reads: the layers that validate this are
 #               silent, and two trainings give the same bytes
@@ -85,7 +88,7 @@ verdict absent
 driver=$(find /usr/share/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null |
     head -n 1)
 if [ -z "$driver" ]; then
-    for name in list choose valid; do
+    for name in list choose move valid; do
         skip $name "mesa-vulkan-drivers is not installed"
     done
     all_passed
@@ -119,6 +122,39 @@ refused "takes auto, cpu, gpu or a number of \`saga devices\`, not '0x'" 0x
 train first 0
 grep -q 'device 0, llvmpipe' "$tmp/err" || complain "no word of device 0"
 verdict choose
+
+# ---- move
+longer=(encode "$tmp/scene" --primitives 100 --preset fast --iterations 120
+    --quiet)
+# stop DEVICE: leaves $tmp/s.saga.ckpt of the rendering stage.
+stop() {
+    local pid i=0
+    rm -f "$tmp"/s.saga*
+    $stoppable "${run_as[@]}" "${longer[@]}" -o "$tmp/s.saga" --device "$1" \
+        --checkpoint-every 0 >"$tmp/out" 2>"$tmp/err" </dev/null &
+    pid=$!
+    while ! grep -qs rendering "$tmp/s.saga.ckpt.csv" && [ $i -lt 3000 ]; do
+        sleep 0.02
+        i=$((i + 1))
+    done
+    kill -INT "$pid"
+    wait "$pid"
+    [ $? = 2 ] || complain "stopped on $1: $(tail -n 1 "$tmp/err")"
+}
+go_on() { expect 0 "${longer[@]}" -o "$tmp/s.saga" --device "$1" --resume; }
+set -m # without, a job in the background ignores SIGINT
+expect 0 "${longer[@]}" -o "$tmp/whole.saga" --device 0
+stop 0
+cp "$tmp/s.saga.ckpt" "$tmp/kept"
+go_on 0
+cmp "$tmp/whole.saga" "$tmp/s.saga" >>"$bad" 2>&1
+rm -f "$tmp"/s.saga*
+mv "$tmp/kept" "$tmp/s.saga.ckpt"
+go_on cpu
+stop cpu
+go_on 0
+set +m
+verdict move
 
 # ---- valid: the loader says whether it has found the layer
 layer=VK_LAYER_KHRONOS_validation

@@ -117,22 +117,25 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
 
 /* The list of kernels: the word in SAGA_KERNEL_*, the name of its source
  * trainer/gpu/kernels/NAME.comp, and the number of its buffers. */
-#define SAGA_KERNEL_LIST(X)      \
-    X(TRUTH, truth, 3)           \
-    X(PROJECT, project, 7)       \
-    X(SORT_COUNT, sort_count, 4) \
-    X(SCAN, scan, 5)             \
-    X(SCAN_TOP, scan_top, 2)     \
-    X(SCAN_ADD, scan_add, 3)     \
-    X(SORT_MOVE, sort_move, 7)   \
-    X(PLAN, plan, 3)             \
-    X(EXPAND, expand, 10)        \
-    X(RANGES, ranges, 4)         \
-    X(TILES, tiles, 9)           \
-    X(BACK, back, 9)             \
-    X(ADAM, adam, 8)             \
-    X(SUMS, sums, 4)             \
-    X(SETTLE, settle, 6)
+#define SAGA_KERNEL_LIST(X)                \
+    X(TRUTH, truth, 3)                     \
+    X(PROJECT, project, 7)                 \
+    X(SORT_COUNT, sort_count, 4)           \
+    X(SCAN, scan, 5)                       \
+    X(SCAN_TOP, scan_top, 2)               \
+    X(SCAN_ADD, scan_add, 3)               \
+    X(SORT_MOVE, sort_move, 7)             \
+    X(PLAN, plan, 3)                       \
+    X(EXPAND, expand, 10)                  \
+    X(RANGES, ranges, 4)                   \
+    X(TILES, tiles, 9)                     \
+    X(BACK, back, 9)                       \
+    X(ADAM, adam, 8)                       \
+    X(SUMS, sums, 4)                       \
+    X(SETTLE, settle, 6)                   \
+    X(BLOCKS_REMEMBER, blocks_remember, 4) \
+    X(BLOCKS_TURN, blocks_turn, 1)         \
+    X(BLOCKS_STEP, blocks_step, 5)
 
 #define SAGA_KERNEL_WORD(word, name, n) SAGA_KERNEL_##word,
 

@@ -85,9 +85,15 @@ saga_splat_params saga_flat_params(const saga_flat *flat);
 bool saga_flat_render(saga_flat *flat, real *image, double *mse,
                       saga_sample sample, saga_error *error);
 
-/* Save and restore the whole state. restore needs the same pictures and
- * options, and returns NULL with *error set if memory is short. Whether the
- * data was complete is known when the checkpoint is closed. */
+/* Copies the set back from the device, if it is newer there. Returns false with
+ * *error set if the device is lost; then the set of the host is older than the
+ * training, and must not be saved. */
+bool saga_flat_bring(saga_flat *flat, saga_error *error);
+
+/* Save, after saga_flat_bring, and restore the whole state. restore needs the
+ * same pictures and options, and returns NULL with *error set if memory is
+ * short. Whether the data was complete is known when the checkpoint is closed.
+ */
 void saga_flat_save(saga_flat *flat, saga_checkpoint *checkpoint);
 saga_flat *saga_flat_restore(const saga_pictures *pictures,
                              const saga_flat_options *options,

@@ -96,8 +96,6 @@ const saga_adam *saga_flat_adam(void);
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 
 /* flat_gpu.c */
-/* Copies the set back from the device, if it is newer there. */
-bool saga_flat_bring(saga_flat *f, saga_error *error);
 /* Does the look and the step of an iteration on the device. */
 bool saga_flat_step_away(saga_flat *f, double *mse, saga_sample sample,
                          saga_error *error);

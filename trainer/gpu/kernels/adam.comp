@@ -39,11 +39,6 @@ layout(std430, set = 0, binding = 7) writeonly buffer size_block
 
 shared float size_of[THREADS];
 
-bool is_finite(float x)
-{
-    return (floatBitsToUint(x) & 0x7f800000) != 0x7f800000;
-}
-
 /* Returns by how much value `at` falls; updates its moments. */
 float step_of(uint at, float g, float rate)
 {

@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The start of every kernel: its work group, the frame and the attributes.
- * A group has 128 threads, the most that every device must have. No kernel
- * assumes a subgroup size. */
-#define THREADS 128
-#define N_ATTRS 10
+ * The start of the kernels that draw and learn pictures: their work group, the
+ * frame and the attributes. */
+#include "group.glsl"
 
-layout(local_size_x = THREADS) in;
+#define N_ATTRS 10
 
 struct frame_fields {
 #include "frame.glsl"
@@ -37,15 +35,3 @@ const uint NO_DEPTH = 0x7fffffff;
 
 const uint TILE = 16;
 const uint N_SUMS = 10; /* SAGA_N_SUMS */
-
-/* The number of this group: groups are in two dimensions only because one may
- * not have enough. There may be more than a kernel needs. */
-uint group_index()
-{
-    return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-}
-
-uint thread_index()
-{
-    return group_index() * THREADS + gl_LocalInvocationIndex;
-}

@@ -111,6 +111,11 @@ saga_twin *saga_fit_code(saga_fit *fit, real *feature, saga_rate_choice *choice,
 const saga_scene *saga_fit_scene(const saga_fit *fit);
 const saga_weights *saga_fit_weights(const saga_fit *fit);
 
+/* Brings state from the device that the next saga_fit_walk writes. Returns
+ * false with *error set if the device is lost or memory is short; then the
+ * state on the host is of different iterations, and must not be written. */
+bool saga_fit_bring(saga_fit *fit, saga_error *error);
+
 /* Writes the state to a checkpoint, or reads it into a fit with the same scene,
  * pictures and options. If the checkpoint fails, the state is undefined. */
 void saga_fit_walk(saga_fit *fit, saga_checkpoint *checkpoint);

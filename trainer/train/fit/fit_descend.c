@@ -10,6 +10,7 @@
 #include "alloc.h"
 #include "block_adam.h"
 
+#include <assert.h>
 #include <stdlib.h>
 
 enum { T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS };
@@ -52,6 +53,19 @@ static real *zeros(size_t n, saga_error *error)
     return saga_calloc(n, sizeof(real), "the fit", error);
 }
 
+/* Has the device step the features, if there is one that can have their
+ * state. */
+static bool begin_away(saga_fit *f, saga_error *error)
+{
+    saga_descent *const d = &f->descent;
+
+    if (!f->o.gpu ||
+        !saga_gpu_has_blocks(f->o.gpu, f->scene->n.coarse, d->width))
+        return true;
+    d->away = saga_gpu_blocks_new(f->o.gpu, error);
+    return d->away != NULL;
+}
+
 bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
 {
     saga_descent *const d = &f->descent;
@@ -68,7 +82,7 @@ bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
         return false;
     features = feature_blocks(f);
     saga_block_adam_begin(&features);
-    return true;
+    return begin_away(f, error);
 }
 
 void saga_fit_free_descent(saga_fit *f)
@@ -77,12 +91,28 @@ void saga_fit_free_descent(saga_fit *f)
     free(f->descent.v);
     free(f->descent.blocks);
     free(f->descent.span);
+    saga_gpu_blocks_free(f->descent.away);
+}
+
+bool saga_fit_bring(saga_fit *f, saga_error *error)
+{
+    saga_descent *const d = &f->descent;
+    const saga_block_adam features = feature_blocks(f);
+
+    /* After a failure the host's older state must not pass for the new one. */
+    d->is_newer = d->is_newer &&
+                  !saga_gpu_blocks_get(d->away, &features, error);
+    return !d->is_newer;
 }
 
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
 {
-    const saga_descent *const d = &f->descent;
+    saga_descent *const d = &f->descent;
     const size_t n = f->scene->n_reals;
+
+    /* What the device has is older than what is read. */
+    d->is_away = d->is_away && !c->reading;
+    assert(!d->is_newer);
 
     saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
     saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
@@ -153,6 +183,19 @@ static void set_spans(saga_fit *f)
     }
 }
 
+/* Steps the features on the device, to which they go in the first step. */
+static bool step_away(saga_fit *f, const saga_block_adam *features,
+                      const saga_adam *adam, saga_error *error)
+{
+    saga_descent *const d = &f->descent;
+
+    d->is_away = d->is_away || saga_gpu_blocks_put(d->away, features, error);
+    d->is_newer = d->is_away;
+    return d->is_away &&
+           saga_gpu_blocks_step(d->away, features, adam,
+                                (uint64_t)f->iteration + 1, error);
+}
+
 bool saga_fit_descend(saga_fit *f, saga_error *error)
 {
     const saga_adam adam = saga_adam_default();
@@ -166,6 +209,8 @@ bool saga_fit_descend(saga_fit *f, saga_error *error)
     list_tensors(t, f, &rates);
     if (!saga_adam_update(&adam, t, N_TENSORS, number, error))
         return false;
+    if (f->descent.away)
+        return step_away(f, &features, &adam, error);
     saga_block_adam_update(&features, &adam, number);
     return true;
 }

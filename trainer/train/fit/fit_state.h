@@ -7,6 +7,7 @@
 
 #include "block_adam.h"
 #include "fit.h"
+#include "gpu_blocks.h"
 #include "gpu_splat.h"
 
 /* The state of the optimisers. */
@@ -17,6 +18,10 @@ typedef struct saga_descent {
     saga_block_span *span; /* (coarse) features that an anchor's class has */
     size_t width;          /* the most features that a class has, rounded up
                             * to a multiple of four */
+    saga_gpu_blocks *away; /* steps the features on the device; NULL: the
+                            * processor does */
+    bool is_away;          /* the device has features and `blocks` */
+    bool is_newer;         /* and steps have changed its `blocks` since */
 } saga_descent;
 
 struct saga_fit {

@@ -63,6 +63,10 @@ bool saga_train_save(saga_train *t, saga_error *error)
     saga_checkpoint c;
     saga_train_header h;
 
+    /* A device that is lost is told before the file is touched. */
+    if (!saga_flat_bring(t->warm.flat, error) ||
+        (t->render.fitting && !saga_fit_bring(t->render.fit, error)))
+        return false;
     if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
     /* The header comes first, so that a reader can refuse the checkpoint before

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Adam for blocks (nn/block_adam.h) on a device, where the optimiser's state
+ * and the blocks stay from one step to the next.
+ */
+#ifndef SAGA_GPU_BLOCKS_H
+#define SAGA_GPU_BLOCKS_H
+
+#include "block_adam.h"
+#include "compute.h"
+
+typedef struct saga_gpu_blocks saga_gpu_blocks;
+
+/* Tells whether the device can have the state of n blocks in a buffer. */
+bool saga_gpu_has_blocks(const saga_gpu *gpu, size_t n, size_t width);
+
+/* Returns an optimiser without blocks, or NULL with *error set. The device must
+ * outlive it. */
+saga_gpu_blocks *saga_gpu_blocks_new(saga_gpu *gpu, saga_error *error);
+void saga_gpu_blocks_free(saga_gpu_blocks *blocks);
+
+/* Copy numbers, spans and state to the device, and the state back into an
+ * optimiser of the same size. Return false with *error set if the device's
+ * memory is short or it is lost; then what was there before stays on the host.
+ */
+bool saga_gpu_blocks_put(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                         saga_error *error);
+bool saga_gpu_blocks_get(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                         saga_error *error);
+
+/* As saga_block_adam_update, with the gradients b->g of the host, for blocks
+ * that were put; brings b->x back. Returns false with *error set also if a
+ * number is not finite. */
+bool saga_gpu_blocks_step(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                          const saga_adam *adam, uint64_t step,
+                          saga_error *error);
+
+#endif
