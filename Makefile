@@ -129,7 +129,7 @@ F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 
 # Those that compute with vectors are compiled for further levels of x86-64, of
 # which the program chooses one when it starts (trainer/basics/isa.h).
-ISA_SRC := $(shell grep -lE '"(vec|wide|raster_tile).h"' $(TRAINER_SRC)) \
+ISA_SRC := $(shell grep -lE '"(vec|wide|splat_lanes|raster_tile).h"' $(TRAINER_SRC)) \
            trainer/capture/views/filmed.c
 MACHINE := $(shell $(CC) $(CFLAGS) -dumpmachine)
 ISA_LEVELS := $(if $(filter x86_64%,$(MACHINE)),3 4)

@@ -145,6 +145,18 @@ static inline vec vec_sqrt(vec a)
 #endif
 }
 
+/* Returns |a|. */
+static inline vec vec_abs(vec a)
+{
+    return (vec)((veci)a & ~(veci)vec_set1(R(-0.0)));
+}
+
+/* Returns x clamped to lo..hi, and NaN for NaN. */
+static inline vec vec_clamp(vec x, vec lo, vec hi)
+{
+    return vec_max(lo, vec_min(hi, x));
+}
+
 /* Tells whether any lane of a comparison is true. */
 static inline int vec_any(veci mask)
 {
@@ -231,7 +243,7 @@ static inline void vec_sum2(real *out, vec a, vec b)
 #define VEC_EXP2_1 (-0.693147188026228781f)
 #define VEC_EXP2_0 1.00000007545489719f
 
-/* Returns 2^-x for x in [0, 100], with a relative error below 2e-7 (double:
+/* Returns 2^-x for x in [-100, 100], with a relative error below 2e-7 (double:
  * 4e-16). Outside that range the result is undefined, but nothing traps. The
  * nearest integer is read from the bits of x + 1.5 * 2^(mantissa bits). The
  * polynomials are Chebyshev fits on [-1/2, 1/2], with errors 7.9e-8 and
@@ -269,6 +281,15 @@ static inline vec vec_exp2_neg(vec x)
     p = vec_fma(p, f, vec_set1(VEC_EXP2_0));
     return (vec)((vecu)p - ((vecu)i << 23));
 #endif
+}
+
+/* Returns 2^x, of x clamped to -100..100; NaN for NaN. */
+static inline vec vec_exp2(vec x)
+{
+    const vec limited = vec_clamp(x, vec_set1(-100), vec_set1(100));
+
+    /* The difference is 0, or NaN. */
+    return vec_exp2_neg(-limited) + (limited - limited);
 }
 
 #endif

@@ -277,20 +277,23 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s, const real *feature)
 
 /* --- Colour -------------------------------------------------------------- */
 
-/* Sets d to the direction from the camera to the primitive at mid-segment. */
-static void set_direction(real d[3], const saga_twin *w, size_t i,
-                          const real *centre)
+/* Sets rows of direction to those from the camera to primitives at
+ * mid-segment. */
+static void set_directions(real *direction, const saga_twin *w, saga_range of,
+                           const real *centre)
 {
-    real n2 = 0;
-    int k;
+    saga_splat_place(direction, &w->attr, of, R(0.5));
+    for (size_t i = of.begin; i < of.end; i++) {
+        real *const d = direction + 3 * i;
+        real n2 = 0;
 
-    saga_splat_place(d, &w->attr, i, R(0.5));
-    for (k = 0; k < 3; k++) {
-        d[k] -= centre[k];
-        n2 += d[k] * d[k];
+        for (int k = 0; k < 3; k++) {
+            d[k] -= centre[k];
+            n2 += d[k] * d[k];
+        }
+        for (int k = 0; k < 3; k++)
+            d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
     }
-    for (k = 0; k < 3; k++)
-        d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
 }
 
 static void colour_chunk(void *user, size_t chunk)
@@ -303,9 +306,8 @@ static void colour_chunk(void *user, size_t chunk)
     const int view = saga_twin_sees_views(t->s);
     size_t i;
 
-    for (i = of.begin; view && t->centre && i < of.end; i++)
-        set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
-                      t->centre);
+    if (view && t->centre)
+        set_directions(w->batch[SAGA_NET_COLOUR_VIEW].in, w, of, t->centre);
     if (view)
         forward_chunk(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
     for (i = of.begin * width; i < of.end * width; i++) {

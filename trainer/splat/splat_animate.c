@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "splat_animate.h"
 
+#include "splat_lanes.h"
 #include "model.h"
-
-#include <tgmath.h>
 
 #define PEAK R(SAGA_PEAK_LOG2)
 #define LOG2_E R(1.4426950408889634)
@@ -13,197 +12,262 @@
 #define LIMIT_AGE R(4) /* limit of the age */
 
 /* Returns log2(1 + 2^x), without overflow, and precise for small 2^x. */
-static real softplus2(real x)
+static vec softplus2(vec x)
 {
-    const real e = exp2(-fabs(x));
+    /* ln(1 + e) = 2 artanh(s), s = e / (2 + e) <= 1/3, by the series of artanh,
+     * whose first term that is left out is below 1e-8 (double: 2e-17). */
+    enum { TERMS = sizeof(real) == sizeof(double) ? 16 : 8 };
+    const vec e = vec_exp2(-vec_abs(x));
+    const vec s = e / (2 + e), s2 = s * s;
+    vec sum = vec_zero();
 
-    return (x > 0 ? x : 0) + LOG2_E * log1p(e);
+    for (int k = TERMS - 1; k >= 0; k--)
+        sum = sum * s2 + R(1) / R(2 * k + 1);
+    return vec_max(vec_zero(), x) + 2 * LOG2_E * (s * sum);
 }
 
-static real elapsed(const saga_splat_params *p, size_t i, real t)
+/* --- Time ---------------------------------------------------------------- */
+
+static vec elapsed(const saga_splat_params *p, lanes at, real t)
 {
-    return p->t_centre ? t - p->t_centre[i] : t;
+    return p->t_centre ? t - lanes_get(p->t_centre, at) : vec_set1(t);
 }
 
-/* Returns |dt| / width, limited. NaN stays NaN. dt = 0 gives 0 for every width,
- * even if 2^-width is infinite. */
-static real width_ratio(const saga_splat_params *p, size_t i, real dt)
+/* Returns |dt| / width, limited. NaN stays NaN. */
+static vec width_ratio(const saga_splat_params *p, lanes at, vec dt)
 {
-    const real u = dt == 0 ? 0 : fabs(dt) * exp2(-p->log2_width[i]);
+    const vec u = vec_abs(dt) * vec_exp2(-lanes_get(p->log2_width, at));
 
-    return u > LIMIT_U ? LIMIT_U : u;
+    return vec_min(vec_set1(LIMIT_U), u);
 }
 
-static bool is_short(const saga_splat_params *p, size_t i)
+/* Tells which primitives are shorter than half a unit of time. */
+static veci short_ones(const saga_splat_params *p, lanes at)
 {
-    return p->log2_width && p->log2_width[i] < -1;
+    return p->log2_width ? (veci)(lanes_get(p->log2_width, at) < -1)
+                         : (veci)vec_zero();
 }
 
-real saga_splat_ageing(const saga_splat_params *p, size_t i)
+/* As saga_splat_ageing. */
+static vec ageing(const saga_splat_params *p, lanes at)
 {
-    return is_short(p, i) ? exp2(fmin(-p->log2_width[i], R(100))) : 2;
+    const vec two = vec_set1(2);
+
+    return p->log2_width
+               ? vec_select(short_ones(p, at),
+                            vec_exp2(-lanes_get(p->log2_width, at)), two)
+               : two;
 }
 
-static void animate_mean(real *out, const saga_splat_params *p, size_t i,
-                         real age)
+static vec limit_age(vec age)
 {
-    size_t a;
+    return vec_clamp(age, vec_set1(-LIMIT_AGE), vec_set1(LIMIT_AGE));
+}
 
-    for (a = 0; a < 3; a++) {
-        const real *const b = p->motion ? p->motion + 9 * i + a : NULL;
-        const real support = p->support ? p->support[3 * i + a] : 1;
+/* --- Forward ------------------------------------------------------------- */
 
-        out[a] = p->mean[3 * i + a];
-        if (b)
-            /* The place is mean + support (b1 age + b2 age^2 + b3 age^3). */
-            out[a] += support * (((b[6] * age + b[3]) * age + b[0]) * age);
+/* The coefficients of a motion, and their unit. */
+typedef struct {
+    vec b[9], support[3];
+} path;
+
+static void path_of(path *way, const saga_splat_params *p, lanes at)
+{
+    lanes_get_rows(way->b, p->motion, 9, at);
+    if (p->support)
+        lanes_get_rows(way->support, p->support, 3, at);
+    else
+        for (int a = 0; a < 3; a++)
+            way->support[a] = vec_set1(1);
+}
+
+/* Returns b1 age + b2 age^2 + b3 age^3 along an axis. */
+static vec moved(const path *way, int axis, vec age)
+{
+    const vec *const b = way->b + axis;
+
+    return ((b[6] * age + b[3]) * age + b[0]) * age;
+}
+
+static void animate_mean(real *mean, const saga_splat_params *p, lanes at,
+                         vec age)
+{
+    vec x[3];
+    path way;
+
+    lanes_get_rows(x, p->mean, 3, at);
+    if (p->motion) {
+        path_of(&way, p, at);
+        for (int a = 0; a < 3; a++)
+            x[a] += way.support[a] * moved(&way, a, age);
+    }
+    lanes_set_rows(mean, 3, at, x);
+}
+
+void saga_splat_place(real *mean, const saga_splat_params *p, saga_range of,
+                      real t)
+{
+    for (size_t i = of.begin; i < of.end; i += VEC_LANES) {
+        const lanes at = lanes_from(of, i);
+
+        animate_mean(mean, p, at, limit_age(elapsed(p, at, t) * ageing(p, at)));
     }
 }
 
-static real age_of(const saga_splat_params *p, size_t i, real dt)
-{
-    return saga_clamp(dt * saga_splat_ageing(p, i), -LIMIT_AGE, LIMIT_AGE);
-}
+SAGA_ISA_CHOOSE(saga_splat_place);
 
-void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t)
+static void animate(saga_splat_posed *out, const saga_splat_params *p, lanes at,
+                    real t)
 {
-    animate_mean(x, p, i, age_of(p, i, elapsed(p, i, t)));
+    const vec dt = elapsed(p, at, t);
+    const vec age = limit_age(dt * ageing(p, at));
+    /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); q0 is its -log2. */
+    vec q0 = softplus2(PEAK - lanes_get(p->opacity, at)) - PEAK;
+    vec quat[4], slope[4];
+
+    animate_mean(out->mean, p, at, age);
+    lanes_get_rows(quat, p->quat, 4, at);
+    if (p->slope) {
+        lanes_get_rows(slope, p->slope, 4, at);
+        for (int a = 0; a < 4; a++)
+            quat[a] += slope[a] * age;
+    }
+    lanes_set_rows(out->quat, 4, at, quat);
+    if (p->log2_width) {
+        const vec u = width_ratio(p, at, dt);
+
+        /* Alpha falls by exp(-u^2) with the time from the centre. */
+        q0 += LOG2_E * u * u;
+    }
+    lanes_set(out->q0, at, q0);
 }
 
 void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, saga_range of,
                                 real t)
 {
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++) {
-        const real dt = elapsed(p, i, t);
-        const real age = age_of(p, i, dt);
-        size_t a;
-
-        animate_mean(out->mean + 3 * i, p, i, age);
-        for (a = 0; a < 4; a++) {
-            out->quat[4 * i + a] = p->quat[4 * i + a];
-            if (p->slope)
-                out->quat[4 * i + a] += p->slope[4 * i + a] * age;
-        }
-        /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); q0 is its -log2. */
-        out->q0[i] = softplus2(PEAK - p->opacity[i]) - PEAK;
-        if (p->log2_width) {
-            const real u = width_ratio(p, i, dt);
-
-            /* Alpha falls by exp(-u^2) with the time from the centre. */
-            out->q0[i] += LOG2_E * u * u;
-        }
-    }
+    for (size_t i = of.begin; i < of.end; i += VEC_LANES)
+        animate(out, p, lanes_from(of, i), t);
 }
 
+SAGA_ISA_CHOOSE(saga_splat_animate_forward);
+
+/* --- Backward ------------------------------------------------------------ */
+
+/* The primitives of a backward pass. */
+typedef struct {
+    const saga_splat_params *p;
+    const saga_splat_posed *d_out;
+    lanes at;
+    veci seen; /* a primitive that is not drawn has no gradient */
+} group;
+
 /* Returns dL/dage through the motion. */
-static real motion_backward(saga_splat_params *d, const real *d_mean,
-                            const saga_splat_params *p, size_t i, real age)
+static vec motion_backward(saga_splat_params *d, const group *g, vec age)
 {
-    real d_age = 0;
-    size_t a;
+    const vec age2 = age * age, age3 = age * age * age;
+    vec d_mean[3], d_motion[9], d_support[3], d_age = vec_zero();
+    path way;
 
-    if (!p->motion)
-        return 0;
-    for (a = 0; a < 3; a++) {
-        const real *const b = p->motion + 9 * i + a;
-        const real support = p->support ? p->support[3 * i + a] : 1;
-        const real s = support * d_mean[a];
+    lanes_get_rows(d_mean, g->d_out->mean, 3, g->at);
+    lanes_add_rows(d->mean, 3, g->at, g->seen, d_mean);
+    if (!g->p->motion)
+        return d_age;
+    path_of(&way, g->p, g->at);
+    for (int a = 0; a < 3; a++) {
+        /* The mean moves by s w(age), w = b1 age + b2 age^2 + b3 age^3, so that
+         * dL/db_k = s dL/dmean age^k and dL/dage = s dL/dmean w'(age). */
+        const vec *const b = way.b + a;
+        const vec s = way.support[a] * d_mean[a];
 
-        /* The mean moves by s p(age), p = b1 age + b2 age^2 + b3 age^3, so that
-         * dL/db_k = s dL/dmean age^k and dL/dage = s dL/dmean p'(age). */
-        if (d->motion) {
-            real *const db = d->motion + 9 * i + a;
-
-            db[0] += s * age;
-            db[3] += s * (age * age);
-            db[6] += s * (age * age * age);
-        }
-        if (d->support)
-            d->support[3 * i + a] += d_mean[a] *
-                                     (((b[6] * age + b[3]) * age + b[0]) * age);
+        d_motion[a] = s * age;
+        d_motion[3 + a] = s * age2;
+        d_motion[6 + a] = s * age3;
+        d_support[a] = d_mean[a] * moved(&way, a, age);
         d_age += s * ((3 * b[6] * age + 2 * b[3]) * age + b[0]);
     }
+    if (d->motion)
+        lanes_add_rows(d->motion, 9, g->at, g->seen, d_motion);
+    if (d->support)
+        lanes_add_rows(d->support, 3, g->at, g->seen, d_support);
     return d_age;
 }
 
 /* Returns dL/dage through the rotation. */
-static real quat_backward(saga_splat_params *d, const real *d_quat,
-                          const saga_splat_params *p, size_t i, real age)
+static vec quat_backward(saga_splat_params *d, const group *g, vec age)
 {
-    real d_age = 0;
-    size_t a;
+    vec d_quat[4], slope[4], d_slope[4], d_age = vec_zero();
 
-    for (a = 0; a < 4; a++) {
-        d->quat[4 * i + a] += d_quat[a];
-        if (!p->slope)
-            continue;
-        if (d->slope)
-            d->slope[4 * i + a] += d_quat[a] * age;
-        d_age += d_quat[a] * p->slope[4 * i + a];
+    lanes_get_rows(d_quat, g->d_out->quat, 4, g->at);
+    lanes_add_rows(d->quat, 4, g->at, g->seen, d_quat);
+    if (!g->p->slope)
+        return d_age;
+    lanes_get_rows(slope, g->p->slope, 4, g->at);
+    for (int a = 0; a < 4; a++) {
+        d_slope[a] = d_quat[a] * age;
+        d_age += d_quat[a] * slope[a];
     }
+    if (d->slope)
+        lanes_add_rows(d->slope, 4, g->at, g->seen, d_slope);
     return d_age;
-}
-
-/* Returns dL/dage. */
-static real pose_backward(saga_splat_params *d, const saga_splat_posed *d_out,
-                          const saga_splat_params *p, size_t i, real age)
-{
-    size_t a;
-
-    for (a = 0; a < 3; a++)
-        d->mean[3 * i + a] += d_out->mean[3 * i + a];
-    return motion_backward(d, d_out->mean + 3 * i, p, i, age) +
-           quat_backward(d, d_out->quat + 4 * i, p, i, age);
 }
 
 /* Adds the gradients of opacity and width. d log2(1 + 2^(3 - o)) / do = -1 / (1
  * + 2^(o - 3)). With u = |dt| / width below its limit, q = log2(e) u^2 gives
  * dq/d log2_width = -2 u^2 and dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
-static real opacity_backward(saga_splat_params *d, real d_q0,
-                             const saga_splat_params *p, size_t i, real dt)
+static vec opacity_backward(saga_splat_params *d, const group *g, vec dt)
 {
-    real u;
+    const vec d_q0 = lanes_get(g->d_out->q0, g->at);
+    const vec o = lanes_get(g->p->opacity, g->at);
+    vec u;
+    veci inside;
 
-    d->opacity[i] -= d_q0 / (1 + exp2(p->opacity[i] - PEAK));
-    if (!p->log2_width)
-        return 0;
-    u = width_ratio(p, i, dt);
-    if (u >= LIMIT_U)
-        return 0;
+    lanes_add(d->opacity, g->at, g->seen, -d_q0 / (1 + vec_exp2(o - PEAK)));
+    if (!g->p->log2_width)
+        return vec_zero();
+    u = width_ratio(g->p, g->at, dt);
+    inside = (veci)(u < LIMIT_U);
     if (d->log2_width)
-        d->log2_width[i] -= 2 * u * u * d_q0;
-    return dt == 0 ? 0 : d_q0 * 2 * LOG2_E * u * u / dt;
+        lanes_add(d->log2_width, g->at, g->seen & inside, -2 * u * u * d_q0);
+    return vec_and(inside & (veci)(dt != 0), d_q0 * 2 * LOG2_E * u * u / dt);
+}
+
+static void animate_backward(saga_splat_params *d, const group *g,
+                             const saga_canvas *c)
+{
+    const vec dt = elapsed(g->p, g->at, c->t), pace = ageing(g->p, g->at);
+    const vec age = dt * pace, limited = limit_age(age);
+    const vec d_age = motion_backward(d, g, limited) +
+                      quat_backward(d, g, limited);
+    vec d_dt = opacity_backward(d, g, dt);
+
+    /* age = pace dt, and below a width of 1/2 pace = 2^-log2_width. At its
+     * limit the age is constant, and no gradient passes. */
+    if (!c->rules.detach_time) {
+        const veci inside = (veci)(vec_abs(age) < LIMIT_AGE);
+
+        d_dt += vec_and(inside, pace * d_age);
+        if (d->log2_width)
+            lanes_add(d->log2_width, g->at,
+                      g->seen & inside & short_ones(g->p, g->at),
+                      -LN_2 * age * d_age);
+    }
+    /* dt = t - t_centre */
+    if (d->t_centre)
+        lanes_add(d->t_centre, g->at, g->seen, -d_dt);
 }
 
 void saga_splat_animate_backward(saga_splat_params *d, const saga_canvas *c,
                                  const saga_splat_params *p, saga_range of)
 {
-    const saga_splat_posed *const d_out = &c->splat.d_posed;
-    size_t i;
+    for (size_t i = of.begin; i < of.end; i += VEC_LANES) {
+        const lanes at = lanes_from(of, i);
+        const group g = { p, &c->splat.d_posed, at,
+                          (veci)(lanes_get(c->splat.extent, at) > 0) };
 
-    for (i = of.begin; i < of.end; i++) {
-        const real dt = elapsed(p, i, c->t);
-        const real pace = saga_splat_ageing(p, i), age = dt * pace;
-        real d_dt, d_age;
-
-        /* A primitive that is not drawn has no gradient. */
-        if (c->splat.extent[i] == 0)
-            continue;
-        d_age = pose_backward(d, d_out, p, i,
-                              saga_clamp(age, -LIMIT_AGE, LIMIT_AGE));
-        d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
-        /* age = pace dt, and below a width of 1/2 pace = 2^-log2_width. At its
-         * limit the age is constant, and no gradient passes. */
-        if (!c->rules.detach_time && fabs(age) < LIMIT_AGE) {
-            d_dt += pace * d_age;
-            if (d->log2_width && is_short(p, i))
-                d->log2_width[i] -= LN_2 * age * d_age;
-        }
-        /* dt = t - t_centre */
-        if (d->t_centre)
-            d->t_centre[i] -= d_dt;
+        if (vec_any(g.seen))
+            animate_backward(d, &g, c);
     }
 }
+
+SAGA_ISA_CHOOSE(saga_splat_animate_backward);

@@ -8,7 +8,7 @@
 
 #include "base_choice.h"
 #include "model.h"
-#include "splat_animate.h"
+#include "splat_age.h"
 
 #include <math.h>
 

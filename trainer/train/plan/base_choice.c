@@ -14,7 +14,7 @@
 
 #include "policy.h"
 #include "saga.h"
-#include "splat_animate.h"
+#include "splat_age.h"
 
 #include <math.h>
 

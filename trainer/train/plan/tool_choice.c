@@ -11,7 +11,7 @@
 
 #include "alloc.h"
 #include "linear.h"
-#include "splat_animate.h"
+#include "splat_age.h"
 #include "threads.h"
 
 #include <math.h>
