@@ -158,7 +158,7 @@ struct whole {
 /* Runs the trainer's dense layer, which has its own vector code. */
 static void dense_float(data *d)
 {
-    const saga_dense layer = { d->weight_f32, d->bias_f32, WIDTH, 1 };
+    const saga_dense layer = { d->weight_f32, d->bias_f32, WIDTH, 1, NULL };
     const saga_dense_rows x = { d->x_f32, POINTS, WIDTH, WIDTH };
 
     saga_dense_forward(d->y_f32, &layer, &x);

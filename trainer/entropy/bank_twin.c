@@ -18,6 +18,14 @@ enum { READ_NS = 20, SLOT_NS = 200 };
 
 static const char purpose[] = "the memory bank";
 
+/* Places a batch with the gradients of its inputs. */
+static void take_whole(saga_twin_batch *b, saga_arena *a, const saga_net *net,
+                       size_t rows)
+{
+    saga_twin_batch_take(b, a, net, rows);
+    b->d_in = saga_arena_take(a, rows * (size_t)net->dim[0]);
+}
+
 static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
 {
     const saga_net *const net = s->net;
@@ -30,15 +38,15 @@ static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
         const size_t blocks = saga_rate_n_blocks(s, kind);
         const size_t runs = saga_rate_runs_most(s, kind);
 
-        saga_twin_batch_take(&k->query, a, &net[SAGA_NET_QUERY], blocks);
+        take_whole(&k->query, a, &net[SAGA_NET_QUERY], blocks);
         k->d_state = saga_arena_take(a, runs * state);
         k->read = saga_arena_take(a, blocks * m->width);
         k->d_read = saga_arena_take(a, blocks * m->width);
         if (kind == SAGA_KIND_PRIM)
             continue;
-        saga_twin_batch_take(&k->token, a, &net[SAGA_NET_AGG], blocks);
-        saga_twin_batch_take(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
-        saga_twin_batch_take(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
+        take_whole(&k->token, a, &net[SAGA_NET_AGG], blocks);
+        take_whole(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
+        take_whole(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
         n_states += runs;
     }
     saga_twin_batch_take(&m->slot, a, &net[SAGA_NET_SLOT], slots);

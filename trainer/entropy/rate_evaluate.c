@@ -54,8 +54,6 @@ static saga_net_pass pass_of(const job *j)
                             .work = &j->k->net.work,
                             .x = b->in,
                             .y = b->out,
-                            .dy = b->d_out,
-                            .dx = b->d_in,
                             .m = j->list.n };
 }
 
@@ -67,8 +65,8 @@ static saga_net_pass hyper_pass_of(const job *j)
                             .work = &j->k->hyper.work,
                             .x = b->in,
                             .y = b->out,
-                            .dy = b->d_out,
-                            .m = j->list.n };
+                            .m = j->list.n,
+                            .x_is_constant = true };
 }
 
 static bool has_hyper(const job *j)
@@ -304,17 +302,16 @@ static void parameters_backward(const job *j, saga_range of)
     }
 }
 
-static void hyper_backward(const job *j, const real *d_in, saga_range of,
-                           size_t block)
+/* The gradients of the hyperprior's outputs stay where they are, among those of
+ * the inputs of the kind's network. */
+static void hyper_backward(const job *j, saga_net_rows d, saga_range of)
 {
     const saga_net_pass p = hyper_pass_of(j);
-    saga_twin_batch *const b = &j->k->hyper;
-    const size_t at = of.begin * j->f;
 
-    copy_columns(b->d_out, j->f, d_in, j->dim, j->f, of);
-    saga_rate_through(b->d_out + at, b->out + at, (of.end - of.begin) * j->f,
-                      j->s->model.out_q[SAGA_OUT_HYPER]);
-    saga_net_block_backward(&p, block);
+    for (size_t i = 0; i < of.end - of.begin; i++)
+        saga_rate_through(d.at + i * d.stride, p.y + (of.begin + i) * j->f,
+                          j->f, j->s->model.out_q[SAGA_OUT_HYPER]);
+    saga_net_chunk_backward(&p, of.begin / CHUNK, d.at, d.stride);
 }
 
 /* Returns the links by which the gradients of a source are added to the
@@ -330,65 +327,81 @@ static const saga_links *links_of(const job *j, uint32_t source)
                : NULL;
 }
 
-static void parent_backward(const job *j, const real *d_in, saga_range of)
+static void parent_backward(const job *j, saga_net_rows d, saga_range of)
 {
     const size_t f = j->f;
     size_t i, k;
 
-    for (i = of.begin; i < of.end; i++)
+    for (i = of.begin; i < of.end; i++, d.at += d.stride)
         for (k = 0; k < f; k++)
-            j->dx->fine[j->list.block[i] * f + k] += d_in[i * j->dim + k];
+            j->dx->fine[j->list.block[i] * f + k] += d.at[k];
 }
 
-static void bank_backward(const job *j, const real *d_in, saga_range of)
+static void bank_backward(const job *j, saga_net_rows d, saga_range of)
 {
     real *const d_read = j->c->bank.kind[j->kind].d_read;
-    const size_t d = j->s->model.bank_width;
+    const size_t width = j->s->model.bank_width;
     size_t i;
 
-    for (i = of.begin; i < of.end; i++)
-        memcpy(d_read + j->k->runs.index[j->list.block[i]] * d,
-               d_in + i * j->dim, d * sizeof *d_read);
+    for (i = of.begin; i < of.end; i++, d.at += d.stride)
+        memcpy(d_read + j->k->runs.index[j->list.block[i]] * width, d.at,
+               width * sizeof *d_read);
 }
 
-/* Distributes the gradients of a source. For a source with links, of which a
- * kind has at most one, they are only copied to the scratch. */
-static void source_backward(const job *j, uint32_t source, const real *d_in,
-                            saga_range of, size_t block)
+/* Distributes the gradients of a source, which d has from its first column on.
+ * For a source with links, of which a kind has at most one, they are only
+ * copied to the scratch. */
+static void source_backward(const job *j, uint32_t source, saga_net_rows d,
+                            saga_range of)
 {
     if (links_of(j, source))
-        copy_columns(j->c->scratch, j->f, d_in, j->dim, j->f, of);
+        for (size_t i = of.begin; i < of.end; i++, d.at += d.stride)
+            saga_copy_row(j->c->scratch + i * j->f, d.at, j->f);
     else if (source == SAGA_SOURCE_HYPER)
-        hyper_backward(j, d_in, of, block);
+        hyper_backward(j, d, of);
     else if (source == SAGA_SOURCE_PARENT)
-        parent_backward(j, d_in, of);
+        parent_backward(j, d, of);
     else if (source == SAGA_SOURCE_BANK)
-        bank_backward(j, d_in, of);
+        bank_backward(j, d, of);
 }
 
-static void backward_block(void *user, size_t block)
+static void backward_chunk(const job *j, size_t chunk)
 {
-    const job *const j = user;
-    const saga_range of = saga_net_block(j->list.n, block);
+    const saga_range of = saga_part(j->list.n, CHUNK, chunk);
     const saga_net_pass p = pass_of(j);
+    const size_t n_out = 2 * saga_n_channels(&j->s->model, j->kind);
     const uint32_t have = j->s->model.sources[j->kind];
-    const size_t at = of.begin * j->dim;
-    const real *d_in = j->k->net.d_in;
+    saga_net_rows d;
     uint32_t source;
 
-    /* Parts are the network's blocks. Gradients of weights are summed in each
-     * block, and add_sums adds the blocks in order. */
     parameters_backward(j, of);
-    saga_net_block_backward(&p, block);
-    saga_rate_through(j->k->net.d_in + at, j->k->net.in + at,
-                      (of.end - of.begin) * j->dim, j->s->model.q_in[j->net]);
+    d = saga_net_chunk_backward(&p, chunk, j->k->net.d_out + of.begin * n_out,
+                                n_out);
+    for (size_t i = 0; i < of.end - of.begin; i++)
+        saga_rate_through(d.at + i * d.stride, p.x + (of.begin + i) * j->dim,
+                          j->dim, j->s->model.q_in[j->net]);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         if (!(have & source))
             continue;
         if (j->c->keep[j->kind] & source)
-            source_backward(j, source, d_in, of, block);
-        d_in += saga_rate_columns(&j->s->model, source);
+            source_backward(j, source, d, of);
+        d.at += saga_rate_columns(&j->s->model, source);
     }
+}
+
+/* Parts are the networks' blocks. Gradients of weights are summed in each
+ * block, and add_sums adds the blocks in order. */
+static void backward_block(void *user, size_t block)
+{
+    const job *const j = user;
+    const saga_net_pass p = pass_of(j), hyper = hyper_pass_of(j);
+    const saga_range chunks = saga_net_block_chunks(j->list.n, block);
+
+    saga_net_block_begin(&p, block);
+    if (has_hyper(j))
+        saga_net_block_begin(&hyper, block);
+    for (size_t i = chunks.begin; i < chunks.end; i++)
+        backward_chunk(j, i);
 }
 
 /* Adds sum k of the network, or of the hyperprior, whose sums follow. */

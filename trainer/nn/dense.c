@@ -27,22 +27,33 @@ static vec rectify(vec x)
 
 /* The place of a tile, and its surroundings. */
 typedef struct {
-    const real *x, *w, *bias;
+    const real *x, *w, *bias, *active;
     real *y;
-    size_t x_stride, stride; /* stride: of y and w */
+    size_t x_stride, stride; /* stride: of y, w and active */
     size_t n_in;
     int relu;
 } tile;
 
 static void put(const tile *t, size_t row, size_t column, vec v)
 {
-    vec_store(t->y + row * t->stride + column, t->relu ? rectify(v) : v);
+    const size_t at = row * t->stride + column;
+
+    if (t->relu)
+        v = rectify(v);
+    if (t->active)
+        v = vec_and((veci)(vec_load(t->active + at) > vec_zero()), v);
+    vec_store(t->y + at, v);
 }
 
 static void put_wide(const tile *t, size_t row, size_t column, wide v)
 {
-    wide_store(t->y + row * t->stride + column,
-               t->relu ? wide_max(v, wide_zero()) : v);
+    const size_t at = row * t->stride + column;
+
+    if (t->relu)
+        v = wide_max(v, wide_zero());
+    if (t->active)
+        v = wide_keep(wide_less(wide_zero(), wide_load(t->active + at)), v);
+    wide_store(t->y + at, v);
 }
 
 static void tile_wide(const tile *t, size_t row, size_t column)
@@ -111,8 +122,15 @@ void saga_dense_forward(real *y, const saga_dense *layer,
                         const saga_dense_rows *x)
 {
     const size_t width = saga_dense_pad(layer->n_out);
-    const tile t = { x->at,     layer->w, layer->bias, y,
-                     x->stride, width,    x->width,    layer->relu };
+    const tile t = { .x = x->at,
+                     .w = layer->w,
+                     .bias = layer->bias,
+                     .active = layer->active,
+                     .y = y,
+                     .x_stride = x->stride,
+                     .stride = width,
+                     .n_in = x->width,
+                     .relu = layer->relu };
     size_t row, column, i;
 
     /* Whole tiles come first, next to them the columns that do not fill a tile,

@@ -28,12 +28,15 @@ typedef struct saga_dense_rows {
     size_t n, width, stride;
 } saga_dense_rows;
 
-/* A layer with n_out outputs; relu = 1 sets negative outputs to 0. */
+/* A layer with n_out outputs; relu = 1 sets negative outputs to 0. Backward
+ * through a ReLU, an output is 0 where `active`, the result of that ReLU, is 0;
+ * NULL: nowhere. */
 typedef struct saga_dense {
     const real *w;    /* (n_in, pad(n_out)), padded */
     const real *bias; /* (pad(n_out)), padded; NULL: 0 */
     size_t n_out;
     int relu;
+    const real *active; /* (n, pad(n_out)), padded */
 } saga_dense;
 
 /* Sets y (n, pad(n_out)) to bias + x w. The sum over the inputs is in their

@@ -207,7 +207,7 @@ static void forward_chunk(const pass *p, size_t begin)
     for (l = 0; l <= last; l++) {
         const layer_weights lw = weights_of(p->work, net, l);
         const saga_dense layer = { lw.across, lw.bias, dim(net, l + 1),
-                                   l < last };
+                                   l < last, NULL };
         /* Hidden layers are kept for the backward pass, padded. The last layer
          * is written to y if its rows need no padding, otherwise to the scratch
          * first. */
@@ -271,15 +271,6 @@ static size_t partial_size(const saga_net *net)
     return n;
 }
 
-/* Sets d to 0 where the activation is 0. */
-static void rectify_backward(real *d, const real *active, size_t n)
-{
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        d[i] = active[i] > 0 ? d[i] : 0;
-}
-
 /* Returns the padded input of layer l for n points from begin on, copied to
  * scratch if it is not padded already. */
 static const real *input_of(const pass *p, int l, size_t begin, size_t n,
@@ -295,41 +286,46 @@ static const real *input_of(const pass *p, int l, size_t begin, size_t n,
     return scratch;
 }
 
-/* Adds the gradients of n points to partial. The scratch holds the padded input
- * and, alternately, two gradients. */
-static void backward_chunk(real *partial, const pass *p, size_t begin, size_t n)
+/* Returns the sums of a block. */
+static real *partial_of(const pass *p, size_t block)
+{
+    return p->work->partial + block * partial_size(p->net);
+}
+
+saga_net_rows saga_net_chunk_backward(const saga_net_pass *p, size_t chunk,
+                                      const real *dy, size_t dy_stride)
 {
     const saga_net *const net = p->net;
+    const size_t begin = chunk * CHUNK, n = chunk_at(begin, p->m);
     const size_t area = CHUNK * widest(net);
-    const size_t n_out = dim(net, net->n_layers);
+    /* The scratch holds the padded input and, alternately, two gradients. */
     real *const scratch = scratch_of(p);
-    saga_dense_rows d = { p->dy + begin * n_out, n, n_out, n_out };
-    real *at = partial + partial_size(net);
+    saga_dense_rows d = { dy, n, dim(net, net->n_layers), dy_stride };
+    real *at = partial_of(p, begin / block_size(p->m)) + partial_size(net);
     int l;
 
-    for (l = net->n_layers - 1; l >= 0; l--) {
+    for (l = net->n_layers - 1;; l--) {
         const size_t n_in = dim(net, l), stride = pad(net, l);
         const saga_dense_rows in = { input_of(p, l, begin, n, scratch), n, n_in,
                                      stride };
+        /* The input of layer l is the ReLU of the layer below. */
         const saga_dense back = { .w = weights_of(p->work, net, l).along,
-                                  .n_out = n_in };
+                                  .n_out = n_in,
+                                  .active = l > 0 ? in.at : NULL };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
 
-        /* Gradients are stored from the first layer to the last; the loop
-         * starts with the last. */
+        /* Sums are stored from the first layer to the last; the loop starts
+         * with the last. */
         at -= d.width * (stride + 1);
         saga_dense_backward(at, &d, &in);
         saga_dense_bias_backward(at + d.width * stride, &d);
-        /* Inputs may be constants, which need no gradient. */
-        if (l == 0 && !p->dx)
-            return;
+        if (l == 0 && p->x_is_constant)
+            return (saga_net_rows){ NULL, 0 };
         saga_dense_forward(d_in, &back, &d);
-        /* The input of layer l is the ReLU of the layer below. */
-        if (l > 0)
-            rectify_backward(d_in, in.at, n * stride);
+        if (l == 0)
+            return (saga_net_rows){ d_in, stride };
         d = (saga_dense_rows){ d_in, n, n_in, stride };
     }
-    copy_rows(p->dx + begin * d.width, d.width, d.at, d.stride, n);
 }
 
 size_t saga_net_n_blocks(size_t m)
@@ -337,22 +333,14 @@ size_t saga_net_n_blocks(size_t m)
     return saga_n_parts(m, block_size(m));
 }
 
-saga_range saga_net_block(size_t m, size_t block)
+saga_range saga_net_block_chunks(size_t m, size_t block)
 {
-    return saga_part(m, block_size(m), block);
+    return saga_part(saga_n_parts(m, CHUNK), block_size(m) / CHUNK, block);
 }
 
-void saga_net_block_backward(const saga_net_pass *p, size_t block)
+void saga_net_block_begin(const saga_net_pass *p, size_t block)
 {
-    const saga_range of = saga_net_block(p->m, block);
-    const size_t size = partial_size(p->net);
-    real *const partial = p->work->partial + block * size;
-    size_t i;
-
-    memset(partial, 0, size * sizeof *partial);
-    /* One thread adds the chunks, so the sum of a block has a fixed order. */
-    for (i = of.begin; i < of.end; i += CHUNK)
-        backward_chunk(partial, p, i, chunk_at(i, of.end));
+    memset(partial_of(p, block), 0, partial_size(p->net) * sizeof(real));
 }
 
 /* There is one sum for each output of each layer, of its weights and bias. */
@@ -395,12 +383,30 @@ void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
 
 typedef struct {
     pass p;
+    const real *dy;
+    real *dx;
     saga_net *d;
 } back;
 
 static void run_block(void *user, size_t block)
 {
-    saga_net_block_backward(&((const back *)user)->p, block);
+    const back *const b = user;
+    const pass *const p = &b->p;
+    const saga_range of = saga_net_block_chunks(p->m, block);
+    const size_t n_in = dim(p->net, 0), n_out = dim(p->net, p->net->n_layers);
+    size_t i;
+
+    saga_net_block_begin(p, block);
+    /* One thread adds the chunks, so the sum of a block has a fixed order. */
+    for (i = of.begin; i < of.end; i++) {
+        const size_t at = i * CHUNK;
+        const saga_net_rows dx = saga_net_chunk_backward(
+            p, i, b->dy + at * n_out, n_out);
+
+        if (dx.at)
+            copy_rows(b->dx + at * n_in, n_in, dx.at, dx.stride,
+                      chunk_at(at, p->m));
+    }
 }
 
 static void run_sum(void *user, size_t sum)
@@ -414,8 +420,12 @@ void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                        const real *dy, const real *x, size_t m,
                        const saga_net *net)
 {
-    back b = { { .net = net, .work = work, .x = x, .dy = dy, .dx = dx, .m = m },
-               d };
+    back b = {
+        { .net = net, .work = work, .x = x, .m = m, .x_is_constant = !dx },
+        dy,
+        dx,
+        d
+    };
     const size_t n_blocks = saga_net_n_blocks(m);
 
     assert(m <= work->n_points);

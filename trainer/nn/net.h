@@ -46,8 +46,9 @@ typedef struct saga_net_work {
 #define saga_net_begin SAGA_REAL_NAME(saga_net_begin)
 #define saga_net_chunk_forward SAGA_REAL_NAME(saga_net_chunk_forward)
 #define saga_net_n_blocks SAGA_REAL_NAME(saga_net_n_blocks)
-#define saga_net_block SAGA_REAL_NAME(saga_net_block)
-#define saga_net_block_backward SAGA_REAL_NAME(saga_net_block_backward)
+#define saga_net_block_chunks SAGA_REAL_NAME(saga_net_block_chunks)
+#define saga_net_block_begin SAGA_REAL_NAME(saga_net_block_begin)
+#define saga_net_chunk_backward SAGA_REAL_NAME(saga_net_chunk_backward)
 #define saga_net_n_sums SAGA_REAL_NAME(saga_net_n_sums)
 #define saga_net_add_sum SAGA_REAL_NAME(saga_net_add_sum)
 #define saga_net_ns SAGA_REAL_NAME(saga_net_ns)
@@ -72,16 +73,22 @@ bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error);
 void saga_net_free(saga_net_work *work);
 
-/* A pass over points: forward, x to y; or backward, from dy to dx (if not NULL)
- * and to the gradients of the weights. The pointers of the other direction are
- * not used. */
+/* A pass over points, forward, x to y, or backward, from the gradients of y to
+ * those of x and of the weights. Inputs that are constants need no gradient. */
 typedef struct saga_net_pass {
     const saga_net *net;
     saga_net_work *work;
-    const real *x, *dy; /* (M, dim[0]), (M, dim[n_layers]) */
-    real *y, *dx;
-    size_t m; /* number of points */
+    const real *x; /* (M, dim[0]) */
+    real *y;       /* (M, dim[n_layers]); not used backward */
+    size_t m;      /* number of points */
+    bool x_is_constant;
 } saga_net_pass;
+
+/* Gradients of the points of a chunk, a row for each, `stride` reals apart. */
+typedef struct saga_net_rows {
+    real *at;
+    size_t stride;
+} saga_net_rows;
 
 /* The number of points that go through all layers together. */
 enum { SAGA_NET_CHUNK = 128 };
@@ -89,12 +96,17 @@ enum { SAGA_NET_CHUNK = 128 };
 /* Steps of a pass, for callers that do other work on the same points, with
  * saga_parallel and at most work->n_threads threads. Forward: saga_net_begin,
  * then all chunks of SAGA_NET_CHUNK points. Backward: all blocks of the same
- * points, and then all sums. */
+ * points, and then all sums. A thread begins a block and takes its chunks back
+ * in order. dy has a row for each point of the chunk, `stride` reals apart. The
+ * gradients of the inputs, NULL for constants, are in memory of the work that
+ * the thread's next chunk uses again, so they need not leave the cache. */
 void saga_net_begin(const saga_net_pass *pass);
 void saga_net_chunk_forward(const saga_net_pass *pass, size_t chunk);
 size_t saga_net_n_blocks(size_t m);
-saga_range saga_net_block(size_t m, size_t block);
-void saga_net_block_backward(const saga_net_pass *pass, size_t block);
+saga_range saga_net_block_chunks(size_t m, size_t block);
+void saga_net_block_begin(const saga_net_pass *pass, size_t block);
+saga_net_rows saga_net_chunk_backward(const saga_net_pass *pass, size_t chunk,
+                                      const real *dy, size_t stride);
 size_t saga_net_n_sums(const saga_net *net);
 void saga_net_add_sum(saga_net *d, const saga_net_pass *pass, size_t sum);
 

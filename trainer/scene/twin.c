@@ -13,7 +13,6 @@ static void take_reading(saga_twin_batch *b, saga_arena *a, real *in,
     const size_t out = (size_t)net->dim[net->n_layers];
 
     b->in = in;
-    b->d_in = saga_arena_take(a, rows * (size_t)net->dim[0]);
     b->out = saga_arena_take(a, rows * out);
     b->d_out = saga_arena_take(a, rows * out);
 }

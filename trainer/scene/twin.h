@@ -27,7 +27,8 @@ enum { SAGA_TWIN_MOTION_Q = 8 };
 /* The inputs and outputs of a network for many rows, and their gradients. It
  * has memory for the largest number of rows, so passes cannot fail. */
 typedef struct saga_twin_batch {
-    real *in, *out, *d_in, *d_out;
+    real *in, *out, *d_out;
+    real *d_in; /* NULL if it is used chunk by chunk, and not kept */
     saga_net_work work;
 } saga_twin_batch;
 
@@ -77,7 +78,8 @@ typedef struct saga_twin {
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
-/* Places the arrays of a batch of `rows` rows through a network in an arena. */
+/* Places the arrays of a batch of `rows` rows through a network in an arena,
+ * except d_in. */
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 

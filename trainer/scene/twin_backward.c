@@ -82,11 +82,32 @@ static void add_sum(void *user, size_t k)
     saga_net_add_sum(&t->d->net[*net], &p, k);
 }
 
-/* Takes blocks of m rows back through a stage's networks, and then adds the
- * blocks' sums to the gradients of the weights. */
-static void go_back(void (*block)(void *, size_t), saga_twin_stage *t, size_t m)
+/* Takes a block of rows back. One thread adds the chunks, so the sums of a
+ * block have a fixed order. */
+static void block_back(void *user, size_t block)
 {
-    saga_tasks all = { .run = block, .user = t, .n = saga_net_n_blocks(m) };
+    const saga_twin_stage *const t = user;
+    const size_t m = saga_twin_rows(t->w, t->nets[0]);
+    const saga_range chunks = saga_net_block_chunks(m, block);
+
+    for (int i = 0; i < t->n_nets; i++)
+        if (t->s->net[t->nets[i]].n_layers) {
+            const saga_net_pass p = saga_twin_pass(t->w, t->s, t->nets[i]);
+
+            saga_net_block_begin(&p, block);
+        }
+    for (size_t i = chunks.begin; i < chunks.end; i++)
+        t->back(t, i);
+}
+
+/* Takes all rows back through a stage's networks, and then adds the blocks'
+ * sums to the gradients of the weights. */
+static void go_back(saga_twin_stage *t)
+{
+    const size_t m = saga_twin_rows(t->w, t->nets[0]);
+    saga_tasks all = { .run = block_back,
+                       .user = t,
+                       .n = saga_net_n_blocks(m) };
     saga_tasks sums = { .run = add_sum, .user = t };
     int i;
 
@@ -101,23 +122,17 @@ static void go_back(void (*block)(void *, size_t), saga_twin_stage *t, size_t m)
     saga_parallel(&sums);
 }
 
-static void back(const saga_twin_stage *t, int net, size_t block)
+static void colour_back(const saga_twin_stage *t, size_t chunk)
 {
-    const saga_net_pass p = saga_twin_pass(t->w, t->s, net);
-
-    saga_net_block_backward(&p, block);
-}
-
-static void colour_block(void *user, size_t block)
-{
-    const saga_twin_stage *const t = user;
     saga_twin *const w = t->w;
-    const saga_range of = saga_net_block(w->n.prim, block);
+    const saga_range of = saga_part(w->n.prim, SAGA_NET_CHUNK, chunk);
     const size_t width = t->s->model.width[SAGA_NET_COLOUR];
     saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
     real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
     real *const d_view = w->batch[SAGA_NET_COLOUR_VIEW].d_out;
-    size_t i;
+    const bool sees_views = saga_twin_sees_views(t->s);
+    saga_net_rows d;
+    size_t i, k;
 
     for (i = 3 * of.begin; i < 3 * of.end; i++) {
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
@@ -126,18 +141,20 @@ static void colour_block(void *user, size_t block)
          * camera. */
         w->d_attr.colour[i] = 0;
     }
-    back(t, SAGA_NET_COLOUR, block);
-    for (i = of.begin * width; i < of.end * width; i++) {
-        const real g = last->in[i] > 0 ? last->d_in[i] : 0;
+    d = saga_twin_back(t, SAGA_NET_COLOUR, chunk);
+    for (i = of.begin; i < of.end; i++, d.at += d.stride)
+        for (k = 0; k < width; k++) {
+            const size_t at = i * width + k;
+            const real g = last->in[at] > 0 ? d.at[k] : 0;
 
-        /* The part without a direction is the same for all cameras, so its
-         * gradients are accumulated and taken back once (prim_block). */
-        d_base[i] += g;
-        if (saga_twin_sees_views(t->s))
-            d_view[i] = g;
-    }
-    if (saga_twin_sees_views(t->s))
-        back(t, SAGA_NET_COLOUR_VIEW, block);
+            /* The part without a direction is the same for all cameras, so its
+             * gradients are accumulated and taken back once (prim_back). */
+            d_base[at] += g;
+            if (sees_views)
+                d_view[at] = g;
+        }
+    if (sees_views)
+        saga_twin_back(t, SAGA_NET_COLOUR_VIEW, chunk);
 }
 
 void saga_twin_colour_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
@@ -146,9 +163,10 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
                           .d = d,
                           .s = s,
                           .nets = saga_twin_colour_nets,
-                          .n_nets = 1 + saga_twin_sees_views(s) };
+                          .n_nets = 1 + saga_twin_sees_views(s),
+                          .back = colour_back };
 
-    go_back(colour_block, &t, w->n.prim);
+    go_back(&t);
 }
 
 /* --- Attributes ---------------------------------------------------------- */
@@ -229,50 +247,49 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
 }
 
 /* Takes the gradients of d_fused back to w->d_context. */
-static void fuse_backward(const saga_twin_stage *t, int tier, size_t block)
+static void fuse_backward(const saga_twin_stage *t, int tier, size_t chunk)
 {
     const int net = saga_fuse_net(tier);
-    const size_t f = t->s->model.features, dim = (size_t)t->s->net[net].dim[0];
-    const saga_twin_batch *const b = &t->w->batch[net];
-    const saga_range of = saga_net_block(saga_twin_rows(t->w, net), block);
-    size_t i;
+    const size_t f = t->s->model.features;
+    const saga_range of = saga_part(saga_twin_rows(t->w, net), SAGA_NET_CHUNK,
+                                    chunk);
+    saga_net_rows d;
 
     if (t->s->net[net].n_layers == 0)
         return;
-    back(t, net, block);
-    for (i = of.begin; i < of.end; i++)
-        memcpy(t->w->d_context + i * f, b->d_in + i * dim, f * sizeof(real));
+    d = saga_twin_back(t, net, chunk);
+    for (size_t i = of.begin; i < of.end; i++, d.at += d.stride)
+        saga_copy_row(t->w->d_context + i * f, d.at, f);
 }
 
-static void prim_block(void *user, size_t block)
+static void prim_back(const saga_twin_stage *t, size_t chunk)
 {
-    const saga_twin_stage *const t = user;
     const size_t f = t->s->model.features;
-    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
-    const real *geo = t->w->batch[SAGA_NET_GEO].d_in;
-    const real *base = t->w->batch[SAGA_NET_COLOUR_BASE].d_in;
     const bool own = t->w->own[SAGA_TIER_FINE];
     real *const to = own ? t->w->d_fine_feature
                          : d_fused(t->w, t->s, SAGA_TIER_FINE);
-    const saga_range of = saga_net_block(t->w->n.prim, block);
+    const saga_range of = saga_part(t->w->n.prim, SAGA_NET_CHUNK, chunk);
+    saga_net_rows geo, base;
     size_t i, k;
 
-    saga_twin_correct_backward(t, block);
-    back(t, SAGA_NET_GEO, block);
-    back(t, SAGA_NET_COLOUR_BASE, block);
-    geo += of.begin * dim;
-    base += of.begin * dim;
-    for (i = of.begin; i < of.end; i++, geo += dim, base += dim)
+    saga_twin_correct_backward(t, chunk);
+    geo = saga_twin_back(t, SAGA_NET_GEO, chunk);
+    base = saga_twin_back(t, SAGA_NET_COLOUR_BASE, chunk);
+    for (i = of.begin; i < of.end; i++) {
         for (k = 0; k < f; k++)
-            to[i * f + k] = (own ? to[i * f + k] : 0) + (geo[k] + base[k]);
-    fuse_backward(t, SAGA_TIER_FINE, block);
+            to[i * f + k] = (own ? to[i * f + k] : 0) +
+                            (geo.at[k] + base.at[k]);
+        geo.at += geo.stride;
+        base.at += base.stride;
+    }
+    fuse_backward(t, SAGA_TIER_FINE, chunk);
 }
 
 static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_FUSE_F,
                          SAGA_NET_RES };
-    saga_twin_stage t = { .w = w, .d = d, .s = s };
+    saga_twin_stage t = { .w = w, .d = d, .s = s, .back = prim_back };
 
     saga_twin_attribute_rows(t.rows, s);
     /* Take the gradients from attributes to the networks' outputs, through the
@@ -281,7 +298,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
     t.nets = nets;
     t.n_nets = 4;
-    go_back(prim_block, &t, w->n.prim);
+    go_back(&t);
     if (!w->own[SAGA_TIER_FINE])
         saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
                            s->model.features, NULL, w->n.prim);
@@ -308,31 +325,31 @@ static void fine_outputs(const saga_twin_stage *t, size_t i)
     }
 }
 
-static void fine_block(void *user, size_t block)
+static void fine_back(const saga_twin_stage *t, size_t chunk)
 {
-    const saga_twin_stage *const t = user;
     const size_t f = t->s->model.features;
-    const size_t dim = (size_t)t->s->net[SAGA_NET_FINE].dim[0];
-    const real *const d_in = t->w->batch[SAGA_NET_FINE].d_in;
     const bool own = t->w->own[SAGA_TIER_COARSE];
     real *const to = own ? t->d->coarse_feature
                          : d_fused(t->w, t->s, SAGA_TIER_COARSE);
-    const saga_range of = saga_net_block(t->w->n.fine, block);
+    const saga_range of = saga_part(t->w->n.fine, SAGA_NET_CHUNK, chunk);
+    saga_net_rows d;
     size_t i, k;
 
     for (i = of.begin; i < of.end; i++)
         fine_outputs(t, i);
-    back(t, SAGA_NET_FINE, block);
-    for (i = of.begin; i < of.end; i++)
+    d = saga_twin_back(t, SAGA_NET_FINE, chunk);
+    for (i = of.begin; i < of.end; i++, d.at += d.stride)
         for (k = 0; k < f; k++)
-            to[i * f + k] = (own ? to[i * f + k] : 0) + d_in[i * dim + k];
-    fuse_backward(t, SAGA_TIER_COARSE, block);
+            to[i * f + k] = (own ? to[i * f + k] : 0) + d.at[k];
+    fuse_backward(t, SAGA_TIER_COARSE, chunk);
 }
 
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const int nets[] = { SAGA_NET_FINE, SAGA_NET_FUSE_C };
-    saga_twin_stage t = { .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2 };
+    saga_twin_stage t = {
+        .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2, .back = fine_back
+    };
 
     saga_model_rows(t.rows, &s->model);
     /* The order is reversed: primitives come first, and give the gradients of
@@ -343,7 +360,7 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         d->coarse_feature[i] += w->d_fine_feature[i];
     if (w->passes)
         return;
-    go_back(fine_block, &t, w->n.fine);
+    go_back(&t);
     if (!w->own[SAGA_TIER_COARSE])
         saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
                            s->model.features, NULL, w->n.fine);

@@ -103,16 +103,14 @@ static void give(const saga_twin_stage *t, int net, size_t first, real price,
         }
 }
 
-void saga_twin_correct_backward(const saga_twin_stage *t, size_t block)
+void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk)
 {
-    const saga_range of = saga_net_block(t->w->n.prim, block);
+    const saga_range of = saga_part(t->w->n.prim, SAGA_NET_CHUNK, chunk);
     const real price = t->w->correction_price / R(t->w->n.prim);
-    saga_net_pass p;
 
     if (t->s->net[SAGA_NET_RES].n_layers == 0)
         return;
     give(t, SAGA_NET_GEO, 0, price, of);
     give(t, SAGA_NET_COLOUR_BASE, n_rows(t->s, SAGA_NET_GEO), price, of);
-    p = saga_twin_pass(t->w, t->s, SAGA_NET_RES);
-    saga_net_block_backward(&p, block);
+    saga_twin_back(t, SAGA_NET_RES, chunk);
 }

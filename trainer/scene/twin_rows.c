@@ -76,10 +76,16 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
                             .work = &b->work,
                             .x = b->in,
                             .y = b->out,
-                            .dy = b->d_out,
-                            .dx = net == SAGA_NET_COLOUR_VIEW ||
-                                          net == SAGA_NET_RES
-                                      ? NULL
-                                      : b->d_in,
-                            .m = saga_twin_rows(w, net) };
+                            .m = saga_twin_rows(w, net),
+                            .x_is_constant = net == SAGA_NET_COLOUR_VIEW ||
+                                             net == SAGA_NET_RES };
+}
+
+saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk)
+{
+    const saga_net_pass p = saga_twin_pass(t->w, t->s, net);
+    const size_t at = saga_twin_out_at(t->s, net, chunk * SAGA_NET_CHUNK);
+
+    return saga_net_chunk_backward(&p, chunk, t->w->batch[net].d_out + at,
+                                   saga_twin_out_at(t->s, net, 1));
 }

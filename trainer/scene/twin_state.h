@@ -28,6 +28,8 @@ typedef struct saga_twin_stage {
     const int *nets; /* (n_nets) networks of the stage; those
                       * without layers are skipped */
     int n_nets;
+    /* Takes a chunk of rows back, in the backward pass. */
+    void (*back)(const struct saga_twin_stage *t, size_t chunk);
 } saga_twin_stage;
 
 typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
@@ -37,6 +39,7 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_do_rows SAGA_REAL_NAME(saga_twin_do_rows)
 #define saga_twin_each_out SAGA_REAL_NAME(saga_twin_each_out)
 #define saga_twin_pass SAGA_REAL_NAME(saga_twin_pass)
+#define saga_twin_back SAGA_REAL_NAME(saga_twin_back)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
 #define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
 #define saga_twin_correct SAGA_REAL_NAME(saga_twin_correct)
@@ -61,6 +64,9 @@ void saga_twin_each_out(const saga_twin_stage *t, saga_range of,
                         saga_twin_out_fn *one);
 /* Returns the pass of a network over its batch. */
 saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
+/* Takes a chunk of the batch's d_out back through its network, as
+ * saga_net_chunk_backward. */
+saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk);
 /* twin_forward.c: computes features and supports of the fine anchors. */
 void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
                             const real *feature);
@@ -69,9 +75,8 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
 /* Adds the corrections of a chunk of primitives to the outputs of F_geo and of
  * the colour's first layer. */
 void saga_twin_correct(const saga_twin_stage *t, size_t chunk);
-/* Takes the gradients of these outputs back through D_res, for a block of
- * primitives. */
-void saga_twin_correct_backward(const saga_twin_stage *t, size_t block);
+/* Takes the gradients of these outputs back through D_res. */
+void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk);
 
 /* The networks of colour; the second one is used only if colours depend on the
  * view. */
