@@ -290,9 +290,9 @@ TEST(twin_gradients_should_match_differences_with_a_hash)
 
 /* Makes a scene whose fine anchors each have a coarse anchor of their own, in a
  * row of cells, and whose F_fine is an identity of one layer. */
-static void make_own_scene(saga_scene *s)
+static void make_own_scene(saga_scene *s, uint32_t n_fine)
 {
-    const saga_counts n = { N_FINE, N_FINE, N_PRIM };
+    const saga_counts n = { n_fine, n_fine, N_PRIM };
     saga_scene shared;
     saga_model m;
     saga_net *net;
@@ -300,10 +300,12 @@ static void make_own_scene(saga_scene *s)
     make_scene(&shared, SAGA_TOOLS_PICTURE, 3);
     m = shared.model;
     m.tier[SAGA_TIER_COARSE].neighbours = 1;
+    if (n_fine == N_PRIM)
+        m.tier[SAGA_TIER_FINE].neighbours = 1;
     m.width[SAGA_NET_FINE] = 0;
     assert_done(saga_scene_init(s, &m, n, 1, 77, &error));
-    for (uint32_t i = 0; i < N_FINE; i++) {
-        s->coarse[i].depth_x = 3;
+    for (uint32_t i = 0; i < n_fine; i++) {
+        s->coarse[i].depth_x = 4;
         s->coarse[i].cell[0] = (uint16_t)i;
         s->coarse[i].n_fine = 1;
         s->coarse[i].first_fine = s->fine[i].parent = i;
@@ -311,11 +313,11 @@ static void make_own_scene(saga_scene *s)
         saga_scene_cell(s->fine_x + 4 * i, &s->coarse[i]);
     }
     for (uint32_t i = 0; i < N_PRIM; i++) {
-        s->prim_fine[i] = i * N_FINE / N_PRIM;
+        s->prim_fine[i] = i * n_fine / N_PRIM;
         memcpy(s->prim_x + 4 * i, s->fine_x + 4 * s->prim_fine[i],
                4 * sizeof *s->prim_x);
     }
-    for (uint32_t i = 0; i < N_FINE * m.features; i++)
+    for (uint32_t i = 0; i < n_fine * m.features; i++)
         s->coarse_feature[i] = saga_rng_normal(saga_rng_stream(5, 1), i);
     shake(s, saga_rng_stream(5, 2), 0);
     net = &s->net[SAGA_NET_FINE];
@@ -335,7 +337,7 @@ TEST(features_that_pass_should_be_those_of_the_network)
     saga_scene s, d[2];
     saga_net *net;
 
-    make_own_scene(&s);
+    make_own_scene(&s, N_FINE);
     net = &s.net[SAGA_NET_FINE];
     for (int computed = 0; computed < 2; computed++) {
         FREED_BY(saga_twin_free) saga_twin w;
@@ -358,6 +360,31 @@ TEST(features_that_pass_should_be_those_of_the_network)
     for (int i = 0; i < 2; i++)
         saga_scene_free(&d[i]);
     saga_scene_free(&s);
+}
+
+/* Where each primitive has anchors of its own, chunks of them go through all
+ * networks together. */
+TEST(twin_gradients_should_match_differences_of_own_anchors)
+{
+    saga_scene s, d;
+    FREED_BY(saga_twin_free) saga_twin w;
+    const saga_rng r = saga_rng_stream(5, 3);
+
+    make_own_scene(&s, N_PRIM);
+    for (uint32_t i = 0; i < saga_net_n_params(&s.net[SAGA_NET_FINE]); i++)
+        s.net[SAGA_NET_FINE].w[0][i] += 0.05 * saga_rng_normal(r, i);
+    assert_done(saga_scene_init(&d, &s.model, s.n, 1, 0, &error));
+    memset(d.reals, 0, d.n_reals * sizeof *d.reals);
+    assert_done(saga_twin_init(&w, &s, &error));
+    assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+    gradient(&w, &d, &s);
+    assert_true(w.whole && !w.passes);
+    check_range(&w, &s, &d, s.coarse_feature, N_PRIM * (size_t)s.model.features,
+                1);
+    check_range(&w, &s, &d, s.params, s.n_reals - (size_t)(s.params - s.reals),
+                3);
+    saga_scene_free(&s);
+    saga_scene_free(&d);
 }
 
 /* A format of 16 bits with 8 fractional bits ends at 127.996. A motion of 300

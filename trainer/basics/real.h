@@ -51,11 +51,30 @@ static inline void saga_copy_row(real *to, const real *from, size_t n)
         to[i] = from[i];
 }
 
+/* Adds a row of n reals to another one, which must not overlap. Four are loaded
+ * before they are stored, so that the compiler can use a vector. */
+static inline void saga_add_row(real *to, const real *from, size_t n)
+{
+    size_t i, k;
+
+    for (i = 0; i + 4 <= n; i += 4) {
+        real sum[4];
+
+        for (k = 0; k < 4; k++)
+            sum[k] = to[i + k] + from[i + k];
+        memcpy(to + i, sum, sizeof sum);
+    }
+    for (; i < n; i++)
+        to[i] += from[i];
+}
+
 /* Returns the gradient d of a value x that is clamped to lo..hi, or 0 if a step
  * down the gradient would lead further outside. */
 static inline real saga_inward(real d, real x, real lo, real hi)
 {
-    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
+    /* Without branches, which nobody could predict from the signs of
+     * gradients. */
+    return ((x <= lo) & (d > 0)) | ((x >= hi) & (d < 0)) ? 0 : d;
 }
 
 #endif

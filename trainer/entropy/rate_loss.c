@@ -147,86 +147,128 @@ static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
     w->d_log2_support[to] -= R(d * o * M_LN2);
 }
 
-/* Adds the gradient of channel c of a block's row to the value it belongs to.
- * Positions of anchors are fixed and get none. */
-static void learn_value(const job *j, size_t block, size_t row, size_t c,
-                        double d)
-{
-    const saga_scene *const s = j->x->scene;
-
-    if (j->kind == SAGA_KIND_COARSE && c >= 4)
-        j->d->coarse_feature[block * s->model.features + (c - 4)] += R(d);
-    else if (j->kind == SAGA_KIND_PRIM)
-        learn_offset(j, block, s->fine[block].first_prim + row, c, d);
-}
-
-/* Tells whether steps_from_mu rounds a value: with `rounding`, all except
- * features, which are rounded before. */
-static bool is_rounded(const job *j, size_t c)
-{
-    return j->o->rounding && saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
-}
-
-/* Returns value i of a block, in channel c, as its distance from mu in steps,
- * from `off`, the same in the value's unit. */
-static double steps_from_mu(const job *j, uint32_t block, size_t i, size_t c,
-                            double off)
+/* Returns a value of an anchor's or primitive's position as its distance from
+ * mu in steps, from `off`, the same in the value's unit; i is its number in the
+ * block. */
+static double steps_from_mu(const job *j, uint32_t block, size_t i, double off)
 {
     const uint64_t draw = ((uint64_t)block << 16) + i;
-    const double v = off / j->step[c];
 
-    /* Without rounding, offsets of anchors get noise of one step, and all other
-     * values are taken as they are. */
-    if (is_rounded(j, c))
-        return floor(v + 0.5);
-    return saga_rate_is_anchor(j->kind, c)
-               ? v + saga_rng_double(j->noise, draw) - 0.5
-               : v;
+    /* Without rounding, offsets of anchors get noise of one step, and those of
+     * primitives are taken as they are. */
+    if (j->o->rounding)
+        return floor(off + 0.5);
+    return saga_rate_is_anchor(j->kind, 0)
+               ? off + saga_rng_double(j->noise, draw) - 0.5
+               : off;
 }
 
-/* Evaluates entry `at` of the list, and writes only to its own rows. */
-static void add_block(const job *j, size_t at, uint32_t block)
-{
-    const saga_model *const m = &j->x->scene->model;
-    const size_t channels = saga_n_channels(m, j->kind);
-    const saga_rate_kind *const k = &j->r->context.kind[j->kind];
-    const real *const mu = k->mu + at * channels;
-    real *const d_mu = k->d_mu + at * channels;
-    real *const d_log2_sigma = k->d_log2_sigma + at * channels;
-    double *const bits = j->r->row_bits + SAGA_N_STEPS * at;
-    const double weight = (double)j->o->weight * j->o->every;
+/* An entry of the list: a block, its values y in rows of channels, of which the
+ * features of its class are coded, from channel `first` to `end` - 1, and the
+ * four before all features. Only coarse anchors have features. */
+typedef struct {
+    size_t at;
+    uint32_t block;
+    size_t rows, channels, first, end;
     double y[SAGA_RATE_ROW];
+    double d[SAGA_RATE_ROW]; /* the gradients of a row's values */
+} entry;
+
+static void read_entry(entry *e, const job *j, size_t at)
+{
+    const saga_scene *const s = j->x->scene;
+    const uint32_t block = j->list.block[at];
+    const saga_class has = saga_rate_class(s, j->kind, block);
+
+    e->at = at;
+    e->block = block;
+    e->rows = saga_rate_read_block(e->y, j->r, j->x, j->kind, block);
+    e->channels = saga_n_channels(&s->model, j->kind);
+    e->first = 4 + (size_t)has.first;
+    e->end = e->first + has.n;
+}
+
+/* Sets the values, v = (y - mu) / step, whose normal distribution has mean 0.
+ * Returns their number. Features were rounded before. */
+static size_t set_values(saga_rate_row *cost, const entry *e, const job *j)
+{
+    const saga_rate_kind *const k = &j->r->context.kind[j->kind];
+    const real *const mu = k->mu + e->at * e->channels;
+    const real *const log2_sigma = k->log2_sigma + e->at * e->channels;
+    size_t c, n = 0;
+
+    for (size_t i = 0; i < e->rows * e->channels; i += e->channels) {
+        const double *const y = e->y + i;
+
+        for (c = 0; c < 4; c++, n++) {
+            cost->v[n] = R(steps_from_mu(j, e->block, i + c,
+                                         (y[c] - (double)mu[c]) / j->step[c]));
+            cost->log2_sigma[n] = log2_sigma[c];
+        }
+        for (c = e->first; c < e->end; c++, n++) {
+            cost->v[n] = R((y[c] - (double)mu[c]) / j->step[c]);
+            cost->log2_sigma[n] = log2_sigma[c];
+        }
+    }
+    return n;
+}
+
+/* Adds the costs of channels `of` of a row, which begin at cost->bits[n], to
+ * *bits and to the gradients of mu and log2 sigma. Sets those of the values. */
+static void take_costs(double *bits, entry *e, const job *j,
+                       const saga_rate_row *cost, size_t n, saga_range of)
+{
+    const saga_rate_kind *const k = &j->r->context.kind[j->kind];
+    real *const d_mu = k->d_mu + e->at * e->channels;
+    real *const d_log2_sigma = k->d_log2_sigma + e->at * e->channels;
+    /* The weight is larger by the number of blocks for which this one stands.
+     */
+    const double weight = (double)j->o->weight * j->o->every;
+    double sum = *bits;
+
+    for (size_t c = of.begin; c < of.end; c++, n++) {
+        const double d = weight * (double)cost->d_v[n] / j->step[c];
+
+        /* y and mu get opposite gradients. */
+        e->d[c] = d;
+        d_mu[c] -= R(d);
+        d_log2_sigma[c] += R(weight * (double)cost->d_log2_sigma[n]);
+        sum += (double)cost->bits[n];
+    }
+    *bits = sum;
+}
+
+/* Evaluates entry `at` of the list, and writes only to its own rows. Positions
+ * of anchors are fixed and get no gradients. */
+static void add_block(const job *j, size_t at)
+{
+    const saga_scene *const s = j->x->scene;
+    const saga_rate_kind *const k = &j->r->context.kind[j->kind];
+    double *const bits = j->r->row_bits + SAGA_N_STEPS * at;
     saga_rate_row cost;
-    const size_t rows = saga_rate_read_block(y, j->r, j->x, j->kind, block);
-    const saga_class has = saga_rate_class(j->x->scene, j->kind, block);
-    size_t row, c, i, n = 0;
+    entry e;
+    size_t n = 0;
 
-    for (row = 0, i = 0; row < rows; row++)
-        for (c = 0; c < channels; c++, i++) {
-            if (!saga_rate_has(has, c))
-                continue;
-            /* v = (y - mu) / step, whose normal distribution has mean 0. */
-            cost.v[n] = R(steps_from_mu(j, block, i, c, y[i] - (double)mu[c]));
-            cost.log2_sigma[n++] = k->log2_sigma[at * channels + c];
-        }
-    saga_rate_cost_row(&cost, n);
+    read_entry(&e, j, at);
+    saga_rate_cost_row(&cost, set_values(&cost, &e, j));
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    memset(d_mu, 0, channels * sizeof *d_mu);
-    memset(d_log2_sigma, 0, channels * sizeof *d_log2_sigma);
-    for (row = 0, n = 0; row < rows; row++)
-        for (c = 0; c < channels; c++) {
-            double d;
-
-            if (!saga_rate_has(has, c))
-                continue;
-            /* y and mu get opposite gradients. `weight` is larger by the number
-             * of blocks for which this block stands. */
-            d = weight * (double)cost.d_v[n] / j->step[c];
-            bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[n];
-            d_mu[c] -= R(d);
-            d_log2_sigma[c] += R(weight * (double)cost.d_log2_sigma[n++]);
-            learn_value(j, block, row, c, d);
-        }
+    memset(k->d_mu + at * e.channels, 0, e.channels * sizeof *k->d_mu);
+    memset(k->d_log2_sigma + at * e.channels, 0,
+           e.channels * sizeof *k->d_log2_sigma);
+    for (size_t i = 0; i < e.rows; i++, n += 4) {
+        take_costs(&bits[saga_rate_step_of(j->kind, 0)], &e, j, &cost, n,
+                   (saga_range){ 0, 4 });
+        for (size_t c = 0; j->kind == SAGA_KIND_PRIM && c < 4; c++)
+            learn_offset(j, e.block, s->fine[e.block].first_prim + i, c,
+                         e.d[c]);
+    }
+    if (j->kind != SAGA_KIND_COARSE)
+        return;
+    take_costs(&bits[SAGA_STEP_FEATURE], &e, j, &cost, n,
+               (saga_range){ e.first, e.end });
+    for (size_t c = e.first; c < e.end; c++)
+        j->d->coarse_feature[e.block * (size_t)s->model.features + c - 4] += R(
+            e.d[c]);
 }
 
 static saga_rate_list every_one(saga_rate *r, int kind, uint32_t first,
@@ -250,7 +292,7 @@ static void add_part(void *user, size_t part)
     size_t i;
 
     for (i = of.begin; i < of.end; i++) {
-        add_block(j, i, j->list.block[i]);
+        add_block(j, i);
         saga_rate_remember_mu(j->r, m, j->kind, j->list.block[i],
                               mu + i * saga_n_channels(m, j->kind));
     }

@@ -189,49 +189,69 @@ static void outer_wide(const outer *t, size_t row, size_t column)
     }
 }
 
-static inline void outer_rows(const outer *t, size_t row, size_t column, int n)
+/* A tile of n rows and n_vecs vectors. Rows after the first n_kept are of no
+ * use: they repeat the first one and are not stored. */
+static inline void outer_rows(const outer *t, size_t row, size_t column,
+                              int n_rows, int n_vecs, int n_kept)
 {
     const real *dy = t->dy + row;
     const real *x = t->x + column;
     real *const to = t->dw + row * t->stride + column;
     vec a[NARROW];
     size_t point;
-    int i;
+    int i, k;
 
     WIDE_UNROLL
-    for (i = 0; i < n; i++)
+    for (i = 0; i < NARROW; i++)
         a[i] = vec_zero();
     for (point = 0; point < t->n; point++, dy += t->dy_stride, x += t->stride) {
-        const vec at = vec_load(x);
-
         WIDE_UNROLL
-        for (i = 0; i < n; i++)
-            a[i] = vec_fma(vec_set1(dy[i]), at, a[i]);
+        for (k = 0; k < n_vecs; k++) {
+            const vec at = vec_load(x + k * VEC_LANES);
+
+            WIDE_UNROLL
+            for (i = 0; i < n_rows; i++)
+                a[k * n_rows + i] = vec_fma(vec_set1(dy[i < n_kept ? i : 0]),
+                                            at, a[k * n_rows + i]);
+        }
     }
     WIDE_UNROLL
-    for (i = 0; i < n; i++)
-        add(to + (size_t)i * t->stride, a[i]);
+    for (k = 0; k < n_vecs; k++) {
+        WIDE_UNROLL
+        for (i = 0; i < n_rows; i++)
+            if (i < n_kept)
+                add(to + (size_t)i * t->stride + k * VEC_LANES,
+                    a[k * n_rows + i]);
+    }
+}
+
+/* Rows that are too few for tiles of eight, in tiles of four. */
+static void outer_rest(const outer *t, size_t row, size_t n_out)
+{
+    for (; row < n_out; row += 4) {
+        const int kept = n_out - row < 4 ? (int)(n_out - row) : 4;
+        size_t column = 0;
+
+        for (; column + 2 * VEC_LANES <= t->stride; column += 2 * VEC_LANES)
+            outer_rows(t, row, column, 4, 2, kept);
+        for (; column < t->stride; column += VEC_LANES)
+            outer_rows(t, row, column, 4, 1, kept);
+    }
 }
 
 static void outer_chunk(const outer *t, size_t n_out)
 {
     size_t row, column, i;
 
-    /* dw has a row for each output: tiles of eight rows, then of four, then
-     * single rows. */
+    /* dw has a row for each output: tiles of eight rows come first. */
     for (row = 0; row + NARROW <= n_out; row += NARROW) {
         for (column = 0; column + WIDE_LANES <= t->stride; column += WIDE_LANES)
             for (i = 0; i < NARROW; i += ROWS)
                 outer_wide(t, row + i, column);
         for (; column < t->stride; column += VEC_LANES)
-            outer_rows(t, row, column, NARROW);
+            outer_rows(t, row, column, NARROW, 1, NARROW);
     }
-    for (; row + 4 <= n_out; row += 4)
-        for (column = 0; column < t->stride; column += VEC_LANES)
-            outer_rows(t, row, column, 4);
-    for (; row < n_out; row++)
-        for (column = 0; column < t->stride; column += VEC_LANES)
-            outer_rows(t, row, column, 1);
+    outer_rest(t, row, n_out);
 }
 
 void saga_dense_backward(real *dw, const saga_dense_rows *dy,
@@ -253,20 +273,43 @@ void saga_dense_backward(real *dw, const saga_dense_rows *dy,
     }
 }
 
+/* Adds the points' gradients of n_vecs vectors of outputs. */
+static inline void bias_vecs(real *db, const saga_dense_rows *dy, size_t o,
+                             int n_vecs)
+{
+    const real *d = dy->at + o;
+    vec sum[4];
+    size_t i;
+    int k;
+
+    WIDE_UNROLL
+    for (k = 0; k < n_vecs; k++)
+        sum[k] = vec_load(db + o + k * VEC_LANES);
+    for (i = 0; i < dy->n; i++, d += dy->stride) {
+        WIDE_UNROLL
+        for (k = 0; k < n_vecs; k++)
+            sum[k] += vec_load(d + k * VEC_LANES);
+    }
+    WIDE_UNROLL
+    for (k = 0; k < n_vecs; k++)
+        vec_store(db + o + k * VEC_LANES, sum[k]);
+}
+
 void saga_dense_bias_backward(real *db, const saga_dense_rows *dy)
 {
-    size_t i, o;
+    size_t i, k, o = 0;
 
-    for (o = 0; o + VEC_LANES <= dy->width; o += VEC_LANES) {
-        vec sum = vec_load(db + o);
-
-        for (i = 0; i < dy->n; i++)
-            sum += vec_load(dy->at + i * dy->stride + o);
-        vec_store(db + o, sum);
-    }
-    for (; o < dy->width; o++)
-        for (i = 0; i < dy->n; i++)
-            db[o] += dy->at[i * dy->stride + o];
+    /* Several sums go on together, since a sum alone would wait for each of its
+     * additions. */
+    for (; o + 4 * VEC_LANES <= dy->width; o += 4 * VEC_LANES)
+        bias_vecs(db, dy, o, 4);
+    for (; o + 2 * VEC_LANES <= dy->width; o += 2 * VEC_LANES)
+        bias_vecs(db, dy, o, 2);
+    for (; o + VEC_LANES <= dy->width; o += VEC_LANES)
+        bias_vecs(db, dy, o, 1);
+    for (i = 0; i < dy->n; i++)
+        for (k = o; k < dy->width; k++)
+            db[k] += dy->at[i * dy->stride + k];
 }
 
 SAGA_ISA_CHOOSE(saga_dense_forward);

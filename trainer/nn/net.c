@@ -308,10 +308,10 @@ saga_net_rows saga_net_chunk_backward(const saga_net_pass *p, size_t chunk,
         const size_t n_in = dim(net, l), stride = pad(net, l);
         const saga_dense_rows in = { input_of(p, l, begin, n, scratch), n, n_in,
                                      stride };
-        /* The input of layer l is the ReLU of the layer below. */
+        const bool is_rectified = l > 0 || p->x_is_rectified;
         const saga_dense back = { .w = weights_of(p->work, net, l).along,
                                   .n_out = n_in,
-                                  .active = l > 0 ? in.at : NULL };
+                                  .active = is_rectified ? in.at : NULL };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
 
         /* Sums are stored from the first layer to the last; the loop starts

@@ -74,14 +74,15 @@ bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
 void saga_net_free(saga_net_work *work);
 
 /* A pass over points, forward, x to y, or backward, from the gradients of y to
- * those of x and of the weights. Inputs that are constants need no gradient. */
+ * those of x and of the weights. Inputs that are constants need no gradient.
+ * Where inputs are the outputs of a ReLU, its inputs' gradients are meant. */
 typedef struct saga_net_pass {
     const saga_net *net;
     saga_net_work *work;
     const real *x; /* (M, dim[0]) */
     real *y;       /* (M, dim[n_layers]); not used backward */
     size_t m;      /* number of points */
-    bool x_is_constant;
+    bool x_is_constant, x_is_rectified;
 } saga_net_pass;
 
 /* Gradients of the points of a chunk, a row for each, `stride` reals apart. */

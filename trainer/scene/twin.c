@@ -226,6 +226,21 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
     }
 }
 
+/* Notes which rows read only their own anchors. */
+static void note_own(saga_twin *w, const saga_scene *s)
+{
+    const saga_links *const links[] = { &w->to_fine, &w->to_prim };
+    const size_t rows[] = { w->n.fine, w->n.prim };
+
+    for (int tier = 0; tier < SAGA_N_TIERS; tier++)
+        w->own[tier] = saga_links_are_own(links[tier], rows[tier]) &&
+                       s->net[saga_fuse_net(tier)].n_layers == 0;
+    w->whole = w->own[SAGA_TIER_COARSE] && w->own[SAGA_TIER_FINE] &&
+               w->n.fine == w->n.prim;
+    for (size_t i = 0; i < w->n.prim; i++)
+        w->whole = w->whole && s->prim_fine[i] == i;
+}
+
 bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
                        saga_error *error)
 {
@@ -236,10 +251,12 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
     /* Neighbours are found in integers, as in the decoder: first those of fine
      * anchors, whose supports then determine those of primitives. */
     link_fine(w, &sc, s);
+    note_own(w, s);
     fine_offsets(w, s, (saga_range){ 0, w->n.fine });
     saga_twin_fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);
     link_prims(w, &sc, s);
+    note_own(w, s);
     saga_twin_offsets(w, s);
     saga_links_scaffold_free(&sc);
     return true;

@@ -43,6 +43,9 @@ typedef struct saga_twin {
                                   * own anchor, without Fuse: then features
                                   * and gradients pass without a copy in
                                   * the context */
+    bool whole;                  /* whether fine anchor i is also the only one
+                                  * that primitive i reads, so that a thread
+                                  * can take a chunk through all networks */
     saga_twin_batch batch[SAGA_N_NETS];
     real *fine_feature, *d_fine_feature; /* (n.fine, F) */
     real *log2_support;                  /* (n.fine, 4) clamped */

@@ -122,39 +122,42 @@ static void go_back(saga_twin_stage *t)
     saga_parallel(&sums);
 }
 
+/* Sets the gradients of a chunk's outputs, and clears those of the colours:
+ * they have been used, and start at zero for the next camera. */
+static void colour_outputs(saga_twin *w, saga_range of)
+{
+    real *const d_out = w->batch[SAGA_NET_COLOUR].d_out;
+    real *const d = w->d_attr.colour;
+    const real *const colour = w->attr.colour;
+
+    for (size_t i = 3 * of.begin; i < 3 * of.end; i++) {
+        d_out[i] = saga_inward(d[i], colour[i], 0, 1);
+        d[i] = 0;
+    }
+}
+
 static void colour_back(const saga_twin_stage *t, size_t chunk)
 {
     saga_twin *const w = t->w;
     const saga_range of = saga_part(w->n.prim, SAGA_NET_CHUNK, chunk);
     const size_t width = t->s->model.width[SAGA_NET_COLOUR];
-    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
     real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
-    real *const d_view = w->batch[SAGA_NET_COLOUR_VIEW].d_out;
-    const bool sees_views = saga_twin_sees_views(t->s);
     saga_net_rows d;
-    size_t i, k;
 
-    for (i = 3 * of.begin; i < 3 * of.end; i++) {
-        last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
-                                     1);
-        /* The gradient has been used, and starts at zero for the next
-         * camera. */
-        w->d_attr.colour[i] = 0;
-    }
+    colour_outputs(w, of);
     d = saga_twin_back(t, SAGA_NET_COLOUR, chunk);
-    for (i = of.begin; i < of.end; i++, d.at += d.stride)
-        for (k = 0; k < width; k++) {
-            const size_t at = i * width + k;
-            const real g = last->in[at] > 0 ? d.at[k] : 0;
+    /* Both parts of the hidden layer have the gradients of its sum. The part
+     * without a direction is the same for all cameras, so its gradients are
+     * accumulated and taken back once (prim_back). */
+    for (size_t i = of.begin; i < of.end; i++)
+        saga_add_row(d_base + i * width, d.at + (i - of.begin) * d.stride,
+                     width);
+    if (saga_twin_sees_views(t->s)) {
+        const saga_net_pass view = saga_twin_pass(w, t->s,
+                                                  SAGA_NET_COLOUR_VIEW);
 
-            /* The part without a direction is the same for all cameras, so its
-             * gradients are accumulated and taken back once (prim_back). */
-            d_base[at] += g;
-            if (sees_views)
-                d_view[at] = g;
-        }
-    if (sees_views)
-        saga_twin_back(t, SAGA_NET_COLOUR_VIEW, chunk);
+        saga_net_chunk_backward(&view, chunk, d.at, d.stride);
+    }
 }
 
 void saga_twin_colour_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
@@ -228,14 +231,19 @@ static void places_backward(const saga_twin_stage *t, size_t i)
         d_log2[k] += d_x[k] * w->prim_shift[4 * i + k] * LN2;
 }
 
-static void attributes_chunk(void *user, size_t chunk)
+/* Takes the gradients from attributes to F_geo's outputs. */
+static void attributes_back(const saga_twin_stage *t, size_t chunk)
 {
-    const saga_twin_stage *const t = user;
     const saga_range of = families(t->s, chunk);
 
     saga_twin_each_out(t, of, give_rows);
     for (size_t i = of.begin; i < of.end; i++)
         places_backward(t, i);
+}
+
+static void attributes_chunk(void *user, size_t chunk)
+{
+    attributes_back(user, chunk);
 }
 
 /* Returns the gradients of the features that fuse_forward returns. */
@@ -270,15 +278,17 @@ static void prim_back(const saga_twin_stage *t, size_t chunk)
                          : d_fused(t->w, t->s, SAGA_TIER_FINE);
     const saga_range of = saga_part(t->w->n.prim, SAGA_NET_CHUNK, chunk);
     saga_net_rows geo, base;
-    size_t i, k;
+    size_t i;
 
     saga_twin_correct_backward(t, chunk);
     geo = saga_twin_back(t, SAGA_NET_GEO, chunk);
     base = saga_twin_back(t, SAGA_NET_COLOUR_BASE, chunk);
     for (i = of.begin; i < of.end; i++) {
-        for (k = 0; k < f; k++)
-            to[i * f + k] = (own ? to[i * f + k] : 0) +
-                            (geo.at[k] + base.at[k]);
+        saga_add_row(geo.at, base.at, f);
+        if (own)
+            saga_add_row(to + i * f, geo.at, f);
+        else
+            saga_copy_row(to + i * f, geo.at, f);
         geo.at += geo.stride;
         base.at += base.stride;
     }
@@ -333,15 +343,38 @@ static void fine_back(const saga_twin_stage *t, size_t chunk)
                          : d_fused(t->w, t->s, SAGA_TIER_COARSE);
     const saga_range of = saga_part(t->w->n.fine, SAGA_NET_CHUNK, chunk);
     saga_net_rows d;
-    size_t i, k;
+    size_t i;
 
     for (i = of.begin; i < of.end; i++)
         fine_outputs(t, i);
     d = saga_twin_back(t, SAGA_NET_FINE, chunk);
     for (i = of.begin; i < of.end; i++, d.at += d.stride)
-        for (k = 0; k < f; k++)
-            to[i * f + k] = (own ? to[i * f + k] : 0) + d.at[k];
+        if (own)
+            saga_add_row(to + i * f, d.at, f);
+        else
+            saga_copy_row(to + i * f, d.at, f);
     fuse_backward(t, SAGA_TIER_COARSE, chunk);
+}
+
+/* Takes a chunk of primitives and of their anchors back, while both are in the
+ * cache. */
+static void whole_back(const saga_twin_stage *t, size_t chunk)
+{
+    attributes_back(t, chunk);
+    prim_back(t, chunk);
+    fine_back(t, chunk);
+}
+
+static void whole_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_RES,
+                         SAGA_NET_FINE };
+    saga_twin_stage t = {
+        .w = w, .d = d, .s = s, .nets = nets, .n_nets = 4, .back = whole_back
+    };
+
+    saga_twin_attribute_rows(t.rows, s);
+    go_back(&t);
 }
 
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
@@ -351,6 +384,10 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2, .back = fine_back
     };
 
+    if (w->whole && !w->passes) {
+        whole_backward(w, d, s);
+        return;
+    }
     saga_model_rows(t.rows, &s->model);
     /* The order is reversed: primitives come first, and give the gradients of
      * fine features and supports, from which the coarse tier continues. */

@@ -169,8 +169,6 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
         .w = w, .s = s, .feature = feature, .nets = nets, .n_nets = 2
     };
 
-    w->own[SAGA_TIER_COARSE] = saga_links_are_own(&w->to_fine, w->n.fine) &&
-                               s->net[SAGA_NET_FUSE_C].n_layers == 0;
     w->passes = w->own[SAGA_TIER_COARSE] && passes_features(s);
     saga_model_rows(t.rows, &s->model);
     begin_networks(&t);
@@ -179,18 +177,18 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
 
 /* --- Fine to primitives -------------------------------------------------- */
 
-/* Returns the constant between an attribute and its output for primitives of a
- * cell: log2 sizes are relative to the cell. */
-static real level_of(const saga_attribute *a, const saga_coarse *cell)
+/* Returns the constant between an attribute and its output for primitive i:
+ * log2 sizes are relative to the cell. */
+static inline real level_of(const saga_attribute *a, const saga_scene *s,
+                            size_t i)
 {
-    switch (a->unit) {
-    case SAGA_UNIT_LOG2_LENGTH:
-        return -R(cell->depth_x);
-    case SAGA_UNIT_LOG2_TIME:
-        return -R(1 + cell->depth_t);
-    default:
+    const saga_coarse *cell;
+
+    if (a->unit != SAGA_UNIT_LOG2_LENGTH && a->unit != SAGA_UNIT_LOG2_TIME)
         return (real)a->zero;
-    }
+    cell = &s->coarse[s->fine[s->prim_fine[i]].parent];
+    return a->unit == SAGA_UNIT_LOG2_LENGTH ? -R(cell->depth_x)
+                                            : -R(1 + cell->depth_t);
 }
 
 /* Sets an attribute's components part, part + 1, ... from an output's rows of
@@ -203,8 +201,7 @@ static void take_rows(const saga_twin_stage *t, int attr, size_t part,
     const real *const all = t->w->batch[SAGA_NET_GEO].out;
 
     for (size_t i = of.begin; i < of.end; i++) {
-        const saga_fine *const fine = &s->fine[s->prim_fine[i]];
-        const real level = level_of(a, &s->coarse[fine->parent]);
+        const real level = level_of(a, s, i);
         const real *const out = all + saga_twin_out_at(s, SAGA_NET_GEO, i) +
                                 rows.first;
         real *const to = t->w->attr.of[attr] + (size_t)a->width * i + part;
@@ -261,18 +258,32 @@ static void geometry_chunk(void *user, size_t chunk)
     set_places(t, of);
 }
 
+/* A chunk of anchors and then of their primitives, while both are in the
+ * cache. */
+static void whole_chunk(void *user, size_t chunk)
+{
+    fine_chunk(user, chunk);
+    geometry_chunk(user, chunk);
+}
+
 void saga_twin_geometry(saga_twin *w, const saga_scene *s, const real *feature)
 {
-    const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE,
-                         SAGA_NET_RES };
-    saga_twin_stage t = { .w = w, .s = s, .nets = nets, .n_nets = 4 };
+    const int nets[] = { SAGA_NET_FINE, SAGA_NET_FUSE_F, SAGA_NET_GEO,
+                         SAGA_NET_COLOUR_BASE, SAGA_NET_RES };
+    const int n_nets = sizeof nets / sizeof *nets, first = w->whole ? 0 : 1;
+    saga_twin_stage t = { .w = w,
+                          .s = s,
+                          .feature = feature,
+                          .nets = nets + first,
+                          .n_nets = n_nets - first };
 
-    saga_twin_fine_forward(w, s, feature);
-    w->own[SAGA_TIER_FINE] = saga_links_are_own(&w->to_prim, w->n.prim) &&
-                             s->net[SAGA_NET_FUSE_F].n_layers == 0;
+    if (w->whole)
+        w->passes = passes_features(s);
+    else
+        saga_twin_fine_forward(w, s, feature);
     saga_twin_attribute_rows(t.rows, s);
     begin_networks(&t);
-    saga_twin_do_rows(geometry_chunk, &t, w->n.prim);
+    saga_twin_do_rows(w->whole ? whole_chunk : geometry_chunk, &t, w->n.prim);
 }
 
 /* --- Colour -------------------------------------------------------------- */
@@ -296,6 +307,21 @@ static void set_directions(real *direction, const saga_twin *w, saga_range of,
     }
 }
 
+/* Sets a range of the hidden layer of colour: both parts are summed before its
+ * ReLU. */
+static void colour_hidden(real *hidden, const saga_twin *w, bool has_view,
+                          saga_range of)
+{
+    const real *const base = w->batch[SAGA_NET_COLOUR_BASE].out;
+    const real *const view = w->batch[SAGA_NET_COLOUR_VIEW].out;
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const real x = base[i] + (has_view ? view[i] : 0);
+
+        hidden[i] = x > 0 ? x : 0;
+    }
+}
+
 static void colour_chunk(void *user, size_t chunk)
 {
     const saga_twin_stage *const t = user;
@@ -310,13 +336,8 @@ static void colour_chunk(void *user, size_t chunk)
         set_directions(w->batch[SAGA_NET_COLOUR_VIEW].in, w, of, t->centre);
     if (view)
         forward_chunk(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
-    for (i = of.begin * width; i < of.end * width; i++) {
-        /* Both parts of the hidden layer are summed before its ReLU. */
-        const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
-                       (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
-
-        last->in[i] = x > 0 ? x : 0;
-    }
+    colour_hidden(last->in, w, view,
+                  (saga_range){ of.begin * width, of.end * width });
     forward_chunk(w, t->s, SAGA_NET_COLOUR, chunk);
     for (i = 3 * of.begin; i < 3 * of.end; i++)
         w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);

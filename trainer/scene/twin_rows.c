@@ -78,7 +78,8 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
                             .y = b->out,
                             .m = saga_twin_rows(w, net),
                             .x_is_constant = net == SAGA_NET_COLOUR_VIEW ||
-                                             net == SAGA_NET_RES };
+                                             net == SAGA_NET_RES,
+                            .x_is_rectified = net == SAGA_NET_COLOUR };
 }
 
 saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk)
