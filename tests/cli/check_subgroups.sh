@@ -29,7 +29,8 @@ then
     export VK_INSTANCE_LAYERS=$layer VK_LAYER_ENABLES=$sync
 fi
 for width in 128 512; do
-    for program in test_compute test_gpu_splat test_gpu_blocks; do
+    for program in test_compute test_gpu_splat test_gpu_blocks \
+        test_gpu_networks; do
         LP_NATIVE_VECTOR_WIDTH=$width timeout 600 "$build/$program" \
             >"$tmp/log" 2>&1 </dev/null || complain "exit status $?"
         # Mesa names the width that it uses, in the device's name.

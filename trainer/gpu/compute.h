@@ -135,7 +135,16 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
     X(SETTLE, settle, 6)                   \
     X(BLOCKS_REMEMBER, blocks_remember, 4) \
     X(BLOCKS_TURN, blocks_turn, 1)         \
-    X(BLOCKS_STEP, blocks_step, 5)
+    X(BLOCKS_STEP, blocks_step, 5)         \
+    X(DENSE_FORWARD, dense_forward, 3)     \
+    X(DENSE_BACK, dense_back, 4)           \
+    X(DENSE_WEIGHTS, dense_weights, 3)     \
+    X(DENSE_SUM, dense_sum, 2)             \
+    X(NET_INPUTS, net_inputs, 3)           \
+    X(NET_VALUES, net_values, 5)           \
+    X(NET_DIRECTIONS, net_directions, 3)   \
+    X(NET_COLOURS, net_colours, 3)         \
+    X(NET_GRADIENTS, net_gradients, 9)
 
 #define SAGA_KERNEL_WORD(word, name, n) SAGA_KERNEL_##word,
 

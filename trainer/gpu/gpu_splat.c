@@ -314,6 +314,8 @@ bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
         saga_gpu_copy(g->gpu, &g->on[GPU_FRAME], 0, &g->up_frame, 0, sizeof *f);
         saga_gpu_copy(g->gpu, &g->on[GPU_VALUE], 0, &g->up, 0, g->n_up);
         saga_gpu_copy(g->gpu, &g->on[GPU_BACK], 0, &g->up_back, 0, back);
+        if (g->networks)
+            g->record_networks(g);
         record_lists(g);
         record(g);
         saga_gpu_copy(g->gpu, &g->down, 0, &g->on[GPU_TOTAL], 0,
@@ -349,7 +351,7 @@ static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
     return true;
 }
 
-static const real *after_totals(const saga_gpu_canvas *g)
+const real *saga_gpu_after_totals(const saga_gpu_canvas *g)
 {
     return (const real *)g->down.map + SAGA_GPU_N_TOTALS;
 }
@@ -374,7 +376,7 @@ bool saga_gpu_draw(saga_gpu_canvas *g, saga_canvas *c,
     g->frame.draws = 1;
     if (!saga_gpu_pass(g, c, record_drawing, error))
         return false;
-    memcpy(c->image, after_totals(g), nbytes);
+    memcpy(c->image, saga_gpu_after_totals(g), nbytes);
     return true;
 }
 
@@ -442,7 +444,7 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
                     error) ||
         !saga_gpu_pass(g, c, record_learning, error))
         return false;
-    j.grad = after_totals(g);
+    j.grad = saga_gpu_after_totals(g);
     j.stat = j.grad + reals;
     l->mse = (double)saga_gpu_float(
                  ((const uint32_t *)g->down.map)[SAGA_GPU_SQUARES]) /

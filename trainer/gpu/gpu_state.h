@@ -8,6 +8,9 @@
 #include "gpu_frame.h"
 #include "gpu_splat.h"
 
+/* Layers of all networks of primitives together. */
+enum { SAGA_GPU_MOST_LAYERS = 10 };
+
 /* The buffers on the device. N: primitives, P: room for pairs; other sizes are
  * in kernels/. */
 enum {
@@ -43,8 +46,23 @@ enum {
     GPU_TRUTH,   /* a picture */
     GPU_IMAGE,   /* a picture */
     GPU_STORED,  /* a stored picture */
-    GPU_N_BUFFERS
+    /* Networks of N primitives; those of the fit (gpu_networks.h). */
+    GPU_FEATURE, /* (N, F) */
+    GPU_GIVEN,   /* (N, 14) as kernels/given.glsl lays it */
+    GPU_PART,    /* (outputs of F_geo, 2) */
+    GPU_PARAM,   /* of all layers */
+    GPU_D_PARAM,
+    GPU_PARTIAL,   /* (slabs, parameters) */
+    GPU_NET_IN,    /* (N, inputs of F_geo) */
+    GPU_DIRECTION, /* (N, 3) */
+    GPU_D_FEATURE,
+    GPU_D_GIVEN, /* (N, 8) */
+    GPU_LAYER,   /* (N, outputs) of each layer, and gradients likewise */
+    GPU_D_LAYER = GPU_LAYER + SAGA_GPU_MOST_LAYERS,
+    GPU_N_BUFFERS = GPU_D_LAYER + SAGA_GPU_MOST_LAYERS
 };
+
+typedef struct saga_gpu_networks saga_gpu_networks;
 
 /* Stored pictures on the device. */
 typedef struct saga_gpu_cache {
@@ -68,6 +86,10 @@ struct saga_gpu_canvas {
     uint32_t n_set; /* primitives that were put */
     uint32_t attrs; /* and their attributes */
     saga_gpu_cache cache;
+    /* The networks that compute the attributes of the pass, NULL if these are
+     * there, and what records them, before the lists are made. */
+    const saga_gpu_networks *networks;
+    void (*record_networks)(saga_gpu_canvas *);
     saga_gpu_canvas *teachers; /* draws their pictures; NULL: none so far */
     /* The truth of the next picture. */
     bool is_stored; /* of stored bytes; else of floats in up_picture */
@@ -110,6 +132,8 @@ void saga_gpu_record_back(saga_gpu_canvas *g);
 void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes);
 /* Copies n primitives of the host into one block. */
 void saga_gpu_pack(real *block, const saga_splat_params *p, size_t n);
+
+const real *saga_gpu_after_totals(const saga_gpu_canvas *g);
 
 static inline size_t saga_gpu_groups(size_t n)
 {

@@ -226,8 +226,7 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
     }
 }
 
-/* Notes which rows read only their own anchors. */
-static void note_own(saga_twin *w, const saga_scene *s)
+void saga_twin_note_own(saga_twin *w, const saga_scene *s)
 {
     const saga_links *const links[] = { &w->to_fine, &w->to_prim };
     const size_t rows[] = { w->n.fine, w->n.prim };
@@ -251,12 +250,12 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
     /* Neighbours are found in integers, as in the decoder: first those of fine
      * anchors, whose supports then determine those of primitives. */
     link_fine(w, &sc, s);
-    note_own(w, s);
+    saga_twin_note_own(w, s);
     fine_offsets(w, s, (saga_range){ 0, w->n.fine });
     saga_twin_fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);
     link_prims(w, &sc, s);
-    note_own(w, s);
+    saga_twin_note_own(w, s);
     saga_twin_offsets(w, s);
     saga_links_scaffold_free(&sc);
     return true;

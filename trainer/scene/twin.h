@@ -24,6 +24,13 @@
  * picture. */
 enum { SAGA_TWIN_MOTION_Q = 8 };
 
+/* The largest motion that fits 16 bits. */
+#define SAGA_TWIN_MOST_MOTION (R(32767) / (1 << SAGA_TWIN_MOTION_Q))
+
+/* Limits of a primitive's temporal centre. */
+#define SAGA_TWIN_CENTRE_MIN (R(SAGA_CENTRE_T_MIN) / 65536)
+#define SAGA_TWIN_CENTRE_MAX (R(SAGA_CENTRE_T_END) / 65536)
+
 /* The inputs and outputs of a network for many rows, and their gradients. It
  * has memory for the largest number of rows, so passes cannot fail. */
 typedef struct saga_twin_batch {
@@ -74,6 +81,10 @@ typedef struct saga_twin {
 #define saga_twin_rows SAGA_REAL_NAME(saga_twin_rows)
 #define saga_twin_refresh SAGA_REAL_NAME(saga_twin_refresh)
 #define saga_twin_offsets SAGA_REAL_NAME(saga_twin_offsets)
+#define saga_twin_note_own SAGA_REAL_NAME(saga_twin_note_own)
+#define saga_twin_parts SAGA_REAL_NAME(saga_twin_parts)
+#define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
+#define saga_twin_fine_backward SAGA_REAL_NAME(saga_twin_fine_backward)
 #define saga_twin_geometry SAGA_REAL_NAME(saga_twin_geometry)
 #define saga_twin_colour SAGA_REAL_NAME(saga_twin_colour)
 #define saga_twin_clear SAGA_REAL_NAME(saga_twin_clear)
@@ -102,6 +113,10 @@ size_t saga_twin_rows(const saga_twin *w, int net);
  * saga_twin_geometry. Returns false with *error set if memory is short. */
 bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
                        saga_error *error);
+
+/* Notes in w->own and w->whole which rows read only their own anchors.
+ * saga_twin_refresh includes it; who sets links otherwise calls it. */
+void saga_twin_note_own(saga_twin *w, const saga_scene *s);
 
 /* Sets local offsets and phases from the positions and from the supports of the
  * last saga_twin_geometry. Each iteration of training calls it once;
@@ -138,5 +153,19 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
 /* Takes all other gradients back and adds to d, a scene with the same counts
  * whose reals are gradients. It is called once for each iteration. */
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
+
+/* --- Parts, where another device makes primitives of fine anchors --------- */
+
+/* Sets which part of which attribute each output of F_geo is. */
+void saga_twin_parts(saga_attr_part *part, const saga_scene *s);
+
+/* The first part of saga_twin_geometry: features and supports of the fine
+ * anchors. */
+void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
+                            const real *feature);
+
+/* The last part of saga_twin_backward, after d has the gradients of positions
+ * and the twin those of fine features and of log2 supports. */
+void saga_twin_fine_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
 #endif

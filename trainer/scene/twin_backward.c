@@ -226,9 +226,17 @@ static void places_backward(const saga_twin_stage *t, size_t i)
         w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];
         d_log2[3] += dt * w->batch[SAGA_NET_GEO].out[at] * support[3] * LN2;
     }
-    /* The gradient of the position is complete here. */
+}
+
+/* Adds the gradients of the log2 supports by which noise or rounding shifts
+ * primitive i, when the gradient of its position is complete. */
+static void shift_backward(const saga_twin_stage *t, size_t i)
+{
+    real *const d_log2 = t->w->d_log2_support + 4 * (size_t)t->s->prim_fine[i];
+
     for (size_t k = 0; k < 4; k++)
-        d_log2[k] += d_x[k] * w->prim_shift[4 * i + k] * LN2;
+        d_log2[k] += t->d->prim_x[4 * i + k] * t->w->prim_shift[4 * i + k] *
+                     LN2;
 }
 
 /* Takes the gradients from attributes to F_geo's outputs. */
@@ -237,8 +245,19 @@ static void attributes_back(const saga_twin_stage *t, size_t chunk)
     const saga_range of = families(t->s, chunk);
 
     saga_twin_each_out(t, of, give_rows);
-    for (size_t i = of.begin; i < of.end; i++)
+    for (size_t i = of.begin; i < of.end; i++) {
         places_backward(t, i);
+        shift_backward(t, i);
+    }
+}
+
+static void shifts_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    const saga_range of = families(t->s, chunk);
+
+    for (size_t i = of.begin; i < of.end; i++)
+        shift_backward(t, i);
 }
 
 static void attributes_chunk(void *user, size_t chunk)
@@ -377,21 +396,14 @@ static void whole_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     go_back(&t);
 }
 
-void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+static void anchors_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const int nets[] = { SAGA_NET_FINE, SAGA_NET_FUSE_C };
     saga_twin_stage t = {
         .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2, .back = fine_back
     };
 
-    if (w->whole && !w->passes) {
-        whole_backward(w, d, s);
-        return;
-    }
     saga_model_rows(t.rows, &s->model);
-    /* The order is reversed: primitives come first, and give the gradients of
-     * fine features and supports, from which the coarse tier continues. */
-    prims_backward(w, d, s);
     /* F_fine itself learns nothing where it passes features on. */
     for (size_t i = 0; w->passes && i < s->model.features * w->n.fine; i++)
         d->coarse_feature[i] += w->d_fine_feature[i];
@@ -401,4 +413,24 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     if (!w->own[SAGA_TIER_COARSE])
         saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
                            s->model.features, NULL, w->n.fine);
+}
+
+void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    if (w->whole && !w->passes) {
+        whole_backward(w, d, s);
+        return;
+    }
+    /* The order is reversed: primitives come first, and give the gradients of
+     * fine features and supports, from which the coarse tier continues. */
+    prims_backward(w, d, s);
+    anchors_backward(w, d, s);
+}
+
+void saga_twin_fine_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    saga_twin_stage t = { .w = w, .d = d, .s = s };
+
+    saga_twin_do_rows(shifts_chunk, &t, w->n.prim);
+    anchors_backward(w, d, s);
 }

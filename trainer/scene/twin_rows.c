@@ -25,6 +25,28 @@ void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS], const saga_scene *s)
     }
 }
 
+void saga_twin_parts(saga_attr_part *part, const saga_scene *s)
+{
+    const saga_net *const geo = &s->net[SAGA_NET_GEO];
+    saga_rows rows[SAGA_N_OUTS];
+
+    saga_twin_attribute_rows(rows, s);
+    for (int i = 0; i < geo->dim[geo->n_layers]; i++)
+        part[i] = (saga_attr_part){ .attr = SAGA_N_ATTRS };
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const saga_attribute *const k = &saga_attributes[a];
+
+        for (int h = 0; h < k->n_outs; h++) {
+            const saga_rows of = rows[k->out + h];
+
+            for (int i = 0; of.net == SAGA_NET_GEO && i < of.n; i++)
+                part[of.first + i] = (saga_attr_part){
+                    (uint8_t)a, (uint8_t)(h * k->width / k->n_outs + i)
+                };
+        }
+    }
+}
+
 double saga_twin_cost(const saga_twin_stage *t, size_t *most)
 {
     double ns = SAGA_TWIN_ROW_NS;

@@ -9,13 +9,6 @@
 #include "threads.h"
 #include "twin.h"
 
-/* Limits of a primitive's temporal centre. */
-#define SAGA_TWIN_CENTRE_MIN (R(SAGA_CENTRE_T_MIN) / 65536)
-#define SAGA_TWIN_CENTRE_MAX (R(SAGA_CENTRE_T_END) / 65536)
-
-/* The largest motion that fits 16 bits. */
-#define SAGA_TWIN_MOST_MOTION (R(32767) / (1 << SAGA_TWIN_MOTION_Q))
-
 /* The inputs of a stage, which all chunks share. */
 typedef struct saga_twin_stage {
     saga_twin *w;
@@ -41,7 +34,6 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_pass SAGA_REAL_NAME(saga_twin_pass)
 #define saga_twin_back SAGA_REAL_NAME(saga_twin_back)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
-#define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
 #define saga_twin_correct SAGA_REAL_NAME(saga_twin_correct)
 #define saga_twin_correct_backward SAGA_REAL_NAME(saga_twin_correct_backward)
 
@@ -67,9 +59,6 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
 /* Takes a chunk of the batch's d_out back through its network, as
  * saga_net_chunk_backward. */
 saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk);
-/* twin_forward.c: computes features and supports of the fine anchors. */
-void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
-                            const real *feature);
 
 /* twin_hash.c; both do nothing if the model has no residual hash */
 /* Adds the corrections of a chunk of primitives to the outputs of F_geo and of

@@ -114,6 +114,12 @@ typedef struct saga_splat_params {
     };
 } saga_splat_params;
 
+/* Which component of which attribute an output of a network is. */
+typedef struct saga_attr_part {
+    uint8_t attr; /* SAGA_ATTR_*; SAGA_N_ATTRS: of none */
+    uint8_t part;
+} saga_attr_part;
+
 /* Tells whether networks compute an attribute itself. The temporal centre is a
  * primitive's own position in time, which they only shift. */
 static inline bool saga_attr_is_output(const saga_attribute *a)

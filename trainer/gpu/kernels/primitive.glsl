@@ -73,11 +73,11 @@ bool is_short(uint i)
     return has(i, LOG2_WIDTH) && load(i, LOG2_WIDTH, 0) < -1;
 }
 
-posed animate(uint i)
+posed animate_at(uint i, float t)
 {
     posed p;
 
-    p.dt = has(i, T_CENTRE) ? f.t - load(i, T_CENTRE, 0) : f.t;
+    p.dt = has(i, T_CENTRE) ? t - load(i, T_CENTRE, 0) : t;
     p.pace = is_short(i) ? exp2(min(-load(i, LOG2_WIDTH, 0), 100)) : 2;
     p.age = p.dt * p.pace;
     p.limited = clamp(p.age, -LIMIT_AGE, LIMIT_AGE);
@@ -100,6 +100,11 @@ posed animate(uint i)
         p.q0 += LOG2_E * p.u * p.u;
     }
     return p;
+}
+
+posed animate(uint i)
+{
+    return animate_at(i, f.t);
 }
 
 vec3 camera_axis(int i)

@@ -39,7 +39,10 @@ static bool alloc_all(saga_fit *f, saga_error *error)
 
     f->feature = zeros(n_features, error);
     f->position = zeros(4 * (size_t)s->n.prim, error);
-    return f->feature && f->position &&
+    f->level = f->gpu ? zeros(2 * (size_t)s->n.prim, error) : NULL;
+    if (f->level)
+        saga_away_levels(f->level, s);
+    return f->feature && f->position && (f->level || !f->gpu) &&
            saga_pictures_canvas(&f->canvas, f->pictures, error);
 }
 
@@ -99,6 +102,7 @@ void saga_fit_free(saga_fit *f)
     saga_canvas_free(&f->canvas);
     free(f->feature);
     free(f->position);
+    free(f->level);
     free(f->params);
     saga_fit_free_descent(f);
     free(f);
@@ -264,23 +268,44 @@ static uint32_t n_drawn(const saga_fit *f)
     return s->layer[1 + (size_t)((2 * x - 1) * (s->n_layers - 1))].first.prim;
 }
 
-/* Draws one picture and adds its gradients to the twin's. */
-static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
-                          saga_error *error)
+static saga_away away_of(saga_fit *f)
+{
+    return (saga_away){
+        .twin = &f->twin, .scene = &f->used, .d = &f->grad, .level = f->level
+    };
+}
+
+/* Draws a picture of the primitives that the host's networks make. */
+static bool learn_here(saga_fit *f, double *mse, saga_error *error)
 {
     saga_splat_learning l = { .d = f->twin.d_attr };
     saga_canvas *const c = &f->canvas;
 
-    if (!(f->gpu ? saga_gpu_show(f->gpu, c, picture, error)
-                 : saga_novel_show(c, f->pictures, picture, error)))
-        return false;
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
     if (!(f->gpu
               ? saga_gpu_learn(f->gpu, &l, c, &f->twin.attr, n_drawn(f), error)
               : saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error)))
         return false;
-    *mse = saga_novel_is(f->pictures, picture) ? 0 : l.mse;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
+    *mse = l.mse;
+    return true;
+}
+
+/* Draws one picture and adds its gradients to the twin's. */
+static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
+                          saga_error *error)
+{
+    const saga_away away = away_of(f);
+
+    if (!(f->gpu ? saga_gpu_show(f->gpu, &f->canvas, picture, error)
+                 : saga_novel_show(&f->canvas, f->pictures, picture, error)))
+        return false;
+    if (!(f->is_away ? saga_away_learn(f->gpu, mse, &away, n_drawn(f),
+                                       &f->canvas, error)
+                     : learn_here(f, mse, error)))
+        return false;
+    if (saga_novel_is(f->pictures, picture))
+        *mse = 0;
     return true;
 }
 
@@ -293,7 +318,10 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     /* Forward: positions, attributes, picture. Then the gradients of the
      * picture. */
     saga_twin_offsets(&f->twin, &f->used);
-    saga_twin_geometry(&f->twin, &f->used, f->feature);
+    if (f->is_away)
+        saga_twin_fine_forward(&f->twin, &f->used, f->feature);
+    else
+        saga_twin_geometry(&f->twin, &f->used, f->feature);
     if (!learn_picture(f, picture, mse, error))
         return false;
     /* L_A and the rate precede the twin's backward pass, because they add to
@@ -302,11 +330,22 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     if (!add_rate(f, f->o.price.residual, error))
         return false;
     /* Backward, to features, positions and networks. */
-    saga_twin_backward(&f->twin, &f->grad, &f->used);
+    if (f->is_away)
+        saga_twin_fine_backward(&f->twin, &f->grad, &f->used);
+    else
+        saga_twin_backward(&f->twin, &f->grad, &f->used);
     /* The rate of the weights comes last, because the gradient of a step is
      * computed from all gradients of its tensor. */
     saga_fit_rate_weights(f);
     return saga_fit_descend(f, error);
+}
+
+/* Decides where this iteration runs the networks of primitives. */
+static void choose_place(saga_fit *f)
+{
+    const saga_away away = away_of(f);
+
+    f->is_away = f->gpu && saga_away_can(f->o.gpu, &away);
 }
 
 bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
@@ -324,6 +363,7 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     if (f->iteration % REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
+    choose_place(f);
     if (f->iteration == 0)
         start_rate(f);
     /* All backward passes add to the gradients. */

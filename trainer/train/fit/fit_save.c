@@ -33,6 +33,8 @@ static void walk_twin(saga_checkpoint *c, saga_twin *w, const saga_scene *s)
 {
     walk_links(c, &w->to_fine, w->n.fine);
     walk_links(c, &w->to_prim, w->n.prim);
+    if (c->reading && !c->failed)
+        saga_twin_note_own(w, s);
     walk_reals(c, w->support, 4 * (size_t)w->n.fine);
     walk_reals(c, w->fine_offset, 4 * (size_t)w->n.fine);
     walk_reals(c, w->prim_offset, 4 * (size_t)w->n.prim);

@@ -7,6 +7,7 @@
 
 #include "block_adam.h"
 #include "fit.h"
+#include "fit_away.h"
 #include "gpu_blocks.h"
 #include "gpu_splat.h"
 
@@ -43,6 +44,9 @@ struct saga_fit {
     saga_weights weights; /* steps of the weights */
     saga_canvas canvas;
     saga_gpu_canvas *gpu; /* NULL: the processor draws */
+    real *level;          /* of saga_away_levels, or NULL */
+    bool is_away;         /* the device runs the networks of primitives
+                           * in this iteration */
     saga_rate rate;
     double bits[SAGA_N_STEPS]; /* bits of each kind of step, at the last
                                 * iteration */

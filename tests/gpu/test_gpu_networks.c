@@ -1,0 +1,307 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The networks of primitives on a device against the host's float, whose
+ * gradients finite differences in double hold (test_twin_gradient_f64). Both
+ * round, in different orders: errors of pictures may differ by 1e-5 and
+ * gradients by 1e-4 of a tensor's largest. SAGA_TEST_GPU is the number of the
+ * device; the first one is the default. Without a device the test is skipped.
+ */
+#include "fit_away.h"
+#include "rng.h"
+#include "synth_capture.h"
+#include "testing.h"
+#include "tiny_training.h"
+
+enum { W = 90, H = 52, N = 700, FEATURES = 20, MOST = 64 };
+
+/* --- A device and a small capture ---------------------------------------- */
+
+typedef struct {
+    saga_gpu *gpu;
+    saga_capture capture;
+    saga_pictures pictures;
+} world;
+
+static int set_up(void **state)
+{
+    const char *const number = getenv("SAGA_TEST_GPU");
+    const saga_synth_options s = synth_options(W, H, 4, 3, 120);
+    saga_error none = { "" };
+    world *const w = zeroed(1, sizeof *w);
+
+    w->gpu = saga_gpu_open(number ? atoi(number) : 0, &none);
+    if (w->gpu)
+        print_message("on %s\n", saga_gpu_is(w->gpu)->name);
+    else
+        print_message("skipped: %s\n", none.message);
+    w->capture = tiny_capture(&s);
+    assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));
+    *state = w;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    world *const w = *state;
+
+    saga_gpu_close(w->gpu);
+    saga_pictures_free(&w->pictures);
+    saga_capture_free(&w->capture);
+    free(w);
+    return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+/* --- A scene ------------------------------------------------------------- */
+
+/* A case: tools, hidden units of F_geo or none, whether it is a base, how many
+ * primitives are drawn, and whether values are at their bounds. */
+typedef struct {
+    const char *name;
+    uint32_t tools;
+    uint8_t width, octaves;
+    bool still;
+    uint32_t drawn;
+    bool is_bounded;
+} variant;
+
+static const variant variants[] = {
+    { "still", 0, 0, 1, false, N, false },
+    { "moving", SAGA_TOOL_MOTION_MASK | SAGA_TOOL_SLOPE | SAGA_TOOL_OPACITY_T,
+      0, 1, false, N, false },
+    { "lines", 1 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T, 0, 1, false,
+      N, false },
+    { "deep", SAGA_TOOLS_PICTURE, 40, 1, false, N, false },
+    { "base", SAGA_TOOLS_PICTURE, 8, 2, true, N, false },
+    { "a_part", SAGA_TOOLS_PICTURE, 12, 1, false, 333, false },
+    { "bounds", SAGA_TOOLS_PICTURE, 0, 1, false, N, true },
+};
+
+static saga_model model_of(const variant *v)
+{
+    saga_model m = { .tools = v->tools,
+                     .features = FEATURES,
+                     .octaves = v->octaves,
+                     .lambda_t_q8 = 256 };
+
+    for (int i = 0; i < SAGA_N_KINDS; i++)
+        m.sources[i] = SAGA_SOURCE_HYPER;
+    for (int i = 0; i < SAGA_N_NETS; i++) {
+        m.width[i] = 8;
+        m.q_in[i] = 12;
+    }
+    m.width[SAGA_NET_GEO] = v->width;
+    m.width[SAGA_NET_FINE] = 0;
+    m.width[SAGA_NET_FUSE_C] = m.width[SAGA_NET_FUSE_F] = 0;
+    return m;
+}
+
+/* Primitives in the middle of the cube, about as large as a few pixels; each
+ * with a coarse and a fine anchor of its own. */
+static void make_scene(saga_scene *s, const variant *v)
+{
+    const saga_model m = model_of(v);
+    const saga_rng r = saga_rng_stream(3, 1);
+    uint64_t k = 0;
+
+    assert_done(
+        saga_scene_init(s, &m, (saga_counts){ N, N, N }, 1, 77, &error));
+    s->still = v->still;
+    for (uint32_t i = 0; i < N; i++) {
+        s->coarse[i].depth_x = (uint8_t)(5 + i % 2);
+        s->coarse[i].depth_t = (uint8_t)(i % 3);
+        s->fine[i].parent = i;
+        s->prim_fine[i] = i;
+        for (size_t a = 0; a < 4; a++) {
+            s->fine_x[4 * i + a] = a < 3 ? saga_rng_float(r, k++) - R(0.5)
+                                         : saga_rng_float(r, k++);
+            s->prim_x[4 * i + a] = s->fine_x[4 * i + a] +
+                                   R(0.02) * (saga_rng_float(r, k++) - R(0.5));
+        }
+    }
+    for (size_t i = 0; i < (size_t)N * FEATURES; i++)
+        s->coarse_feature[i] = R(0.6) * R(saga_rng_normal(r, k++));
+    for (real *p = s->params; p < s->reals + s->n_reals; p++)
+        *p += R(0.05) * R(saga_rng_normal(r, k++));
+}
+
+/* Moves outputs to their bounds, which about half of the primitives pass: the
+ * motion of the third order, temporal centres, and colours. */
+static void approach_bounds(saga_scene *s)
+{
+    const saga_net *const geo = &s->net[SAGA_NET_GEO];
+    const saga_net *const colour = &s->net[SAGA_NET_COLOUR];
+    saga_attr_part part[MOST];
+
+    saga_twin_parts(part, s);
+    for (int k = 0; k < geo->dim[geo->n_layers]; k++) {
+        real *const b = geo->b[geo->n_layers - 1] + k;
+
+        if (part[k].attr == SAGA_ATTR_MOTION && part[k].part >= 6)
+            *b = SAGA_TWIN_MOST_MOTION;
+        if (part[k].attr == SAGA_ATTR_T_CENTRE)
+            *b = 4;
+    }
+    for (int k = 0; k < 3; k++)
+        colour->b[colour->n_layers - 1][k] += R(k - 1) * R(0.5);
+}
+
+static void link_own(saga_links *l)
+{
+    l->n = N;
+    for (uint32_t i = 0; i < N; i++) {
+        l->begin[i] = i;
+        l->rank[i] = i;
+        l->weight[i] = 1;
+    }
+    l->begin[N] = N;
+}
+
+/* --- Both ways ----------------------------------------------------------- */
+
+/* A twin of the scene, and gradients. */
+typedef struct {
+    saga_scene d;
+    saga_twin w;
+    double mse;
+} result;
+
+static void begin(result *r, const saga_scene *s)
+{
+    const saga_rng rng = saga_rng_stream(3, 2);
+
+    assert_done(saga_scene_init(&r->d, &s->model, s->n, 1, 0, &error));
+    memset(r->d.reals, 0, r->d.n_reals * sizeof(real));
+    assert_done(saga_twin_init(&r->w, s, &error));
+    link_own(&r->w.to_fine);
+    link_own(&r->w.to_prim);
+    saga_twin_note_own(&r->w, s);
+    for (size_t i = 0; i < 4 * (size_t)N; i++)
+        r->w.prim_shift[i] = R(0.01) * (saga_rng_float(rng, i) - R(0.5));
+    /* Offsets are in the supports of the last pass. */
+    saga_twin_fine_forward(&r->w, s, s->coarse_feature);
+    saga_twin_offsets(&r->w, s);
+    saga_twin_clear(&r->w, s);
+}
+
+static void end(result *r)
+{
+    saga_twin_free(&r->w);
+    saga_scene_free(&r->d);
+}
+
+static void on_host(result *r, saga_canvas *c, const saga_scene *s, uint32_t n)
+{
+    saga_splat_learning l = { .d = r->w.d_attr };
+
+    saga_twin_geometry(&r->w, s, s->coarse_feature);
+    saga_twin_colour(&r->w, s, c->camera.centre);
+    assert_done(saga_splat_learn(&l, c, &r->w.attr, n, &error));
+    r->mse = l.mse;
+    saga_twin_colour_backward(&r->w, &r->d, s);
+    saga_twin_backward(&r->w, &r->d, s);
+}
+
+static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
+                   const saga_canvas *c, const saga_scene *s, uint32_t n)
+{
+    real level[2 * N];
+    const saga_away a = {
+        .twin = &r->w, .scene = s, .d = &r->d, .level = level
+    };
+
+    saga_away_levels(level, s);
+    assert_true(saga_away_can(gpu, &a));
+    saga_twin_fine_forward(&r->w, s, s->coarse_feature);
+    assert_done(saga_away_learn(g, &r->mse, &a, n, c, &error));
+    saga_twin_fine_backward(&r->w, &r->d, s);
+}
+
+/* --- The comparison ------------------------------------------------------ */
+
+static bool is_near(const char *scene, const char *of, const real *x,
+                    const real *y, size_t n)
+{
+    double worst = 0, most = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        worst = fmax(worst, fabs((double)x[i] - (double)y[i]));
+        most = fmax(most, fabs((double)y[i]));
+    }
+    if (most > 0 && worst <= 1e-4 * most)
+        return true;
+    print_error("%s, %s: differs by %g of %g\n", scene, of, worst, most);
+    return false;
+}
+
+static bool nets_are_near(const variant *v, const saga_scene *a,
+                          const saga_scene *b)
+{
+    static const struct {
+        int net;
+        const char *name;
+    } list[] = { { SAGA_NET_FINE, "F_fine" },
+                 { SAGA_NET_GEO, "F_geo" },
+                 { SAGA_NET_COLOUR_BASE, "base" },
+                 { SAGA_NET_COLOUR_VIEW, "view" },
+                 { SAGA_NET_COLOUR, "colour" } };
+    bool ok = true;
+
+    for (size_t i = 0; i < sizeof list / sizeof list[0]; i++) {
+        const saga_net *const n = &a->net[list[i].net];
+
+        for (int l = 0; l < n->n_layers; l++)
+            ok = is_near(v->name, list[i].name, n->w[l],
+                         b->net[list[i].net].w[l],
+                         (size_t)(n->dim[l] + 1) * (size_t)n->dim[l + 1]) &&
+                 ok;
+    }
+    return ok;
+}
+
+static bool agree(world *w, saga_gpu_canvas *g, const variant *v)
+{
+    const saga_sample sample = { .view = w->pictures.train[1], .frame = 2 };
+    FREED_BY(saga_canvas_free) saga_canvas c = { 0 };
+    FREED_BY(saga_scene_free) saga_scene s;
+    FREED_BY(end) result host = { .mse = 0 };
+    FREED_BY(end) result away = { .mse = 0 };
+    bool ok;
+
+    make_scene(&s, v);
+    if (v->is_bounded)
+        approach_bounds(&s);
+    begin(&host, &s);
+    begin(&away, &s);
+    assert_done(saga_pictures_canvas(&c, &w->pictures, &error));
+    assert_done(saga_gpu_show(g, &c, sample, &error));
+    on_gpu(&away, g, w->gpu, &c, &s, v->drawn);
+    saga_pictures_truth(&c, &w->pictures, sample);
+    on_host(&host, &c, &s, v->drawn);
+    ok = fabs(away.mse - host.mse) <= 1e-5 * host.mse;
+    ok = is_near(v->name, "features", away.d.coarse_feature,
+                 host.d.coarse_feature, (size_t)N * FEATURES) &&
+         ok;
+    ok = is_near(v->name, "positions", away.d.prim_x, host.d.prim_x,
+                 4 * (size_t)N) &&
+         ok;
+    ok = nets_are_near(v, &away.d, &host.d) && ok;
+    return ok;
+}
+
+/* All use one canvas, whose buffers have the values of the case before. */
+TEST(networks_should_agree_with_the_host)
+{
+    world *const w = *state;
+    saga_gpu_canvas *g;
+    bool ok = true;
+
+    if (!w->gpu)
+        skip();
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
+        ok = agree(w, g, &variants[i]) && ok;
+    saga_gpu_canvas_free(g);
+    assert_true(ok);
+}

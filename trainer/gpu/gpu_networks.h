@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The rendering stage's networks of primitives on a device, for primitives that
+ * read the features of an anchor of their own: what scene/twin.h does between
+ * the fine anchors and the picture, forward and backward.
+ */
+#ifndef SAGA_GPU_NETWORKS_H
+#define SAGA_GPU_NETWORKS_H
+
+#include "gpu_splat.h"
+#include "net.h"
+
+enum {
+    SAGA_GPU_GEO,         /* F_geo */
+    SAGA_GPU_COLOUR_BASE, /* the colour's first layer: features, */
+    SAGA_GPU_COLOUR_VIEW, /* directions, if colours depend on them, */
+    SAGA_GPU_COLOUR,      /* and what follows */
+    SAGA_GPU_N_NETS
+};
+
+/* Primitives as their networks read them, and the gradients, to which is
+ * added. */
+typedef struct saga_gpu_prims {
+    uint32_t n;
+    uint32_t attrs; /* the set of their attributes */
+    size_t features;
+    int octaves;
+    const saga_attr_part *part; /* (outputs of F_geo) */
+    /* Motions are in +-most_motion, temporal centres in these bounds. */
+    real most_motion, centre_lo, centre_hi;
+    const saga_net *net[SAGA_GPU_N_NETS]; /* n_layers 0: absent */
+    saga_net *d_net[SAGA_GPU_N_NETS];
+    const real *feature; /* (n, features) */
+    const real *place;   /* (n, 4) */
+    const real *offset;  /* (n, 4), which are embedded */
+    const real *support; /* (n, 4) */
+    const real *level;   /* (n, 2) constants of log2 lengths and times */
+    real *d_feature, *d_place, *d_log2_support;
+} saga_gpu_prims;
+
+/* Tells whether the device can run these networks: if the colour has one layer
+ * where its inputs meet, and all rows fit into buffers. */
+bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p);
+
+/* As saga_gpu_learn, but for primitives as their networks make them. Sets *mse.
+ */
+bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
+                          const saga_gpu_prims *p, const saga_canvas *canvas,
+                          saga_error *error);
+
+#endif

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: MIT */
+#include "fit_away.h"
+
+/* The most outputs that a network can have. */
+enum { MOST_OUTPUTS = 256 };
+
+static const int nets[SAGA_GPU_N_NETS] = {
+    [SAGA_GPU_GEO] = SAGA_NET_GEO,
+    [SAGA_GPU_COLOUR_BASE] = SAGA_NET_COLOUR_BASE,
+    [SAGA_GPU_COLOUR_VIEW] = SAGA_NET_COLOUR_VIEW,
+    [SAGA_GPU_COLOUR] = SAGA_NET_COLOUR
+};
+
+void saga_away_levels(real *level, const saga_scene *s)
+{
+    for (size_t i = 0; i < s->n.prim; i++) {
+        const saga_coarse *const c =
+            &s->coarse[s->fine[s->prim_fine[i]].parent];
+
+        level[2 * i] = -R(c->depth_x);
+        level[2 * i + 1] = -R(1 + c->depth_t);
+    }
+}
+
+static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
+                               uint32_t n)
+{
+    const saga_scene *const s = a->scene;
+    saga_twin *const w = a->twin;
+    saga_gpu_prims p = { .n = n,
+                         .attrs = saga_attrs_of(&w->attr),
+                         .features = s->model.features,
+                         .octaves = s->model.octaves,
+                         .part = part,
+                         .most_motion = SAGA_TWIN_MOST_MOTION,
+                         .centre_lo = SAGA_TWIN_CENTRE_MIN,
+                         .centre_hi = SAGA_TWIN_CENTRE_MAX,
+                         .feature = w->fine_feature,
+                         .place = s->prim_x,
+                         .offset = w->prim_offset,
+                         .support = w->support,
+                         .level = a->level,
+                         .d_feature = w->d_fine_feature,
+                         .d_place = a->d->prim_x,
+                         .d_log2_support = w->d_log2_support };
+
+    for (int k = 0; k < SAGA_GPU_N_NETS; k++) {
+        p.net[k] = &s->net[nets[k]];
+        p.d_net[k] = &a->d->net[nets[k]];
+    }
+    return p;
+}
+
+bool saga_away_can(const saga_gpu *gpu, const saga_away *a)
+{
+    const saga_gpu_prims p = prims_of(a, NULL, a->scene->n.prim);
+
+    return a->twin->whole && a->scene->net[SAGA_NET_RES].n_layers == 0 &&
+           saga_gpu_can_learn_prims(gpu, &p);
+}
+
+bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
+                     uint32_t n, const saga_canvas *canvas, saga_error *error)
+{
+    saga_attr_part part[MOST_OUTPUTS];
+    const saga_gpu_prims p = prims_of(a, part, n);
+
+    saga_twin_parts(part, a->scene);
+    return saga_gpu_learn_prims(g, mse, &p, canvas, error);
+}
