@@ -49,7 +49,7 @@ static bool is_asked(saga_encode_session *s, const saga_train_progress *p)
            saga_path_is_file(s->checkpoint);
 }
 
-/* Shows stage, iteration, PSNR and bits in one line, to which the meter adds
+/* Shows stage, iteration, PSNR and bytes in one line, to which the meter adds
  * the time left. */
 bool saga_encode_training(void *user, const saga_train_progress *p)
 {
@@ -69,12 +69,11 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     saga_encode_complain(s);
     saga_encode_log_write(&s->progress.log, p, seconds);
     saga_encode_log_write(&s->progress.course, p, seconds);
-    /* PSNR and bits are shown as soon as they are known. */
+    /* PSNR and bytes are shown as soon as they are known. */
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB", p->psnr);
     if (p->bits > 0)
-        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
-                 p->bits / 1e3);
+        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kB", p->bits / 8e3);
     saga_meter_show(&s->progress.meter, p->done, text);
     s->progress.asked = is_asked(s, p);
     return !*s->progress.signal && !s->progress.asked;
