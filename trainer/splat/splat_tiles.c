@@ -13,6 +13,7 @@
 #include "splat_tiles.h"
 
 #include "alloc.h"
+#include "vec.h"
 
 #include <string.h>
 #include <tgmath.h>
@@ -196,57 +197,70 @@ static void sort_by_depth(listing *l)
 
 /* --- Tiles of a splat ---------------------------------------------------- */
 
-static int floor_tile(int x)
-{
-    return x / TILE;
-}
+/* The columns of tiles that a splat touches in as many rows of tiles as a
+ * vector has lanes: begin to end - 1 in each. */
+typedef struct {
+    real_bits begin[VEC_LANES], end[VEC_LANES];
+} columns;
 
-static int clamp_int(real x, int lo, int hi)
-{
-    return x < R(lo) ? lo : x > R(hi) ? hi : (int)x;
-}
-
-/* Sets [*c0, *c1) to the columns of tiles that the ellipse q < cut touches in
- * pixel rows ya..yb-1: its extremes in x over these rows, widened by more than
- * the rounding error. At dy the ellipse covers (n dy +- sqrt(rest - h^2 dy^2))
- * / g, which is extreme at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the
- * first or last row. */
-static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
-                    real cut)
+/* Sets the columns that the ellipse q < cut touches from a row of tiles on: its
+ * extremes in x over the pixel rows of each, widened by more than the rounding
+ * error. At dy the ellipse covers (n dy +- sqrt(rest - h^2 dy^2)) / g, which is
+ * extreme at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the first or last
+ * pixel row. */
+static void find_columns(columns *c, const saga_splat_2d *o, int row, real cut)
 {
     const real rest = (cut - o->q0) * R(1.001) + R(0.001);
+    const real h2 = o->h * o->h, per_g = 1 / o->g;
     const real tall = sqrt(rest) / o->h;
-    const real peak = o->n * sqrt(rest / (o->n * o->n + o->h * o->h)) / o->h;
-    real lo = R(ya) + R(0.5) - o->mean[1];
-    real hi = R(yb) - R(0.5) - o->mean[1];
-    real a, b, right, left, slack;
+    const real peak = o->n * sqrt(rest / (o->n * o->n + h2)) / o->h;
+    const vec most = vec_set1(tall), least = vec_set1(-tall);
+    const vec first = R(TILE) * (R(row) + vec_iota()) - o->mean[1];
+    /* The middles of the first and last pixel row, limited to the height of the
+     * ellipse. */
+    const vec lo = vec_clamp(
+        vec_max(first, vec_set1(R(o->y0) - o->mean[1])) + R(0.5), least, most);
+    const vec hi = vec_clamp(
+        vec_min(first + R(TILE), vec_set1(R(o->y1) - o->mean[1])) - R(0.5),
+        least, most);
+    const vec a = vec_clamp(vec_set1(peak), lo, hi);
+    const vec b = vec_clamp(vec_set1(-peak), lo, hi);
+    const vec wide_a = vec_sqrt(vec_max(vec_zero(), rest - h2 * a * a));
+    const vec wide_b = vec_sqrt(vec_max(vec_zero(), rest - h2 * b * b));
+    const vec right = (o->n * a + wide_a) * per_g;
+    const vec left = (o->n * b - wide_b) * per_g;
+    const vec slack = R(0.05) +
+                      R(1e-4) * (vec_abs(right) + vec_abs(left) + tall);
+    const vec x0 = vec_set1(R(o->x0)), x1 = vec_set1(R(o->x1 - 1));
+    /* Pixels are at least 0, so that conversion is floor. */
+    const vec from = vec_clamp(o->mean[0] + left - slack, x0, x1);
+    const vec to = vec_clamp(o->mean[0] + right + slack, x0, x1);
+    const veci begin = __builtin_convertvector(from, veci);
+    const veci whole = __builtin_convertvector(to, veci);
+    const veci end = whole - (veci)(__builtin_convertvector(whole, vec) < to);
 
-    /* The rows are limited to the height of the ellipse. */
-    lo = saga_clamp(lo, -tall, tall);
-    hi = saga_clamp(hi, -tall, tall);
-    a = saga_clamp(peak, lo, hi);
-    b = saga_clamp(-peak, lo, hi);
-    right = rest - o->h * o->h * a * a;
-    left = rest - o->h * o->h * b * b;
-    right = (o->n * a + (right > 0 ? sqrt(right) : 0)) / o->g;
-    left = (o->n * b - (left > 0 ? sqrt(left) : 0)) / o->g;
-    slack = R(0.05) + R(1e-4) * (fabs(right) + fabs(left) + tall);
-    *c0 = floor_tile(
-        clamp_int(floor(o->mean[0] + left - slack), o->x0, o->x1 - 1));
-    *c1 = 1 + floor_tile(clamp_int(ceil(o->mean[0] + right + slack), o->x0,
-                                   o->x1 - 1));
+    for (int l = 0; l < VEC_LANES; l++) {
+        c->begin[l] = begin[l] / TILE;
+        c->end[l] = end[l] / TILE + 1;
+    }
 }
 
-/* Sets the columns for one row of tiles. */
-static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
-                         real cut)
-{
-    const int ya = row * TILE > o->y0 ? row * TILE : o->y0;
-    const int yb = row * TILE + TILE < o->y1 ? row * TILE + TILE : o->y1;
+typedef struct {
+    int begin, end;
+} tile_row;
 
-    columns(c0, c1, o, ya, yb, cut);
-    if (*c1 < *c0)
-        *c1 = *c0;
+/* Returns the columns in a row of tiles. Rows are asked for in order from the
+ * box's first on; `found` has those of a vector between two calls. */
+static tile_row row_of(columns *found, const saga_splat_2d *o, tile_box b,
+                       int row, real cut)
+{
+    const int lane = (row - b.y0) % VEC_LANES;
+
+    if (b.x1 != 0)
+        return (tile_row){ b.x0, b.x1 };
+    if (lane == 0)
+        find_columns(found, o, row, cut);
+    return (tile_row){ (int)found->begin[lane], (int)found->end[lane] };
 }
 
 /* --- Lists --------------------------------------------------------------- */
@@ -264,15 +278,15 @@ static void count_part(void *user, size_t part)
     for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
         const uint32_t i = work->order[r];
         const tile_box b = l->box[i];
-        int c0 = b.x0, c1 = b.x1, c;
+        columns found;
         uint32_t slots = 0;
 
         for (int row = b.y0; row < b.y1; row++) {
-            if (b.x1 == 0)
-                tile_columns(&c0, &c1, work->splat + i, row, l->cut);
-            for (c = c0; c < c1; c++)
+            const tile_row t = row_of(&found, work->splat + i, b, row, l->cut);
+
+            for (int c = t.begin; c < t.end; c++)
                 count[(size_t)row * work->n_tiles_x + (size_t)c]++;
-            slots += (uint32_t)(c1 - c0);
+            slots += t.begin < t.end ? (uint32_t)(t.end - t.begin) : 0;
         }
         /* The count is written one index higher, so that the sums in
          * begin_lists become the begin of each splat's slots. */
@@ -293,19 +307,17 @@ static void scatter_part(void *user, size_t part)
     for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
         const uint32_t i = work->order[r];
         const tile_box b = l->box[i];
+        columns found;
         uint32_t slot = work->slot_begin[i];
-        int c0 = b.x0, c1 = b.x1, c;
 
         for (int row = b.y0; row < b.y1; row++) {
-            if (b.x1 == 0)
-                tile_columns(&c0, &c1, work->splat + i, row, l->cut);
-            for (c = c0; c < c1; c++) {
-                const size_t t = (size_t)row * work->n_tiles_x + (size_t)c;
+            const tile_row t = row_of(&found, work->splat + i, b, row, l->cut);
+            uint32_t *const at = next + (size_t)row * work->n_tiles_x;
 
-                /* Slots are numbered by splat, so that all records of a splat
-                 * are adjacent; lists are by tile. */
-                work->pair[next[t]++] = (saga_splat_pair){ i, slot++ };
-            }
+            /* Slots are numbered by splat, so that all records of a splat are
+             * adjacent; lists are by tile. */
+            for (int c = t.begin; c < t.end; c++)
+                work->pair[at[c]++] = (saga_splat_pair){ i, slot++ };
         }
     }
 }
@@ -387,3 +399,5 @@ bool saga_splat_tiles(saga_canvas *canvas, saga_error *error)
     run_parts(&l, scatter_part, LIST_NS);
     return true;
 }
+
+SAGA_ISA_CHOOSE(saga_splat_tiles);

@@ -6,6 +6,7 @@
 #ifndef SAGA_SPLAT_TILES_H
 #define SAGA_SPLAT_TILES_H
 
+#include "isa.h"
 #include "splat.h"
 
 enum {
@@ -14,10 +15,10 @@ enum {
                           * to splat 0, for prefetching */
 };
 
-#define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
+#define saga_splat_tiles SAGA_ISA_NAME(saga_splat_tiles)
 
 /* Sets order, slot_begin, pair, tile_begin and the counts of canvas->splat from
  * its splat, extent and n. Returns false with *error set if memory is short. */
-bool saga_splat_tiles(saga_canvas *canvas, saga_error *error);
+extern bool saga_splat_tiles(saga_canvas *canvas, saga_error *error);
 
 #endif
