@@ -18,12 +18,13 @@ enum { READ_NS = 20, SLOT_NS = 200 };
 
 static const char purpose[] = "the memory bank";
 
-/* Places a batch with the gradients of its inputs. */
+/* Places a batch with its gradients. */
 static void take_whole(saga_twin_batch *b, saga_arena *a, const saga_net *net,
                        size_t rows)
 {
     saga_twin_batch_take(b, a, net, rows);
     b->d_in = saga_arena_take(a, rows * (size_t)net->dim[0]);
+    b->d_out = saga_arena_take(a, rows * (size_t)net->dim[net->n_layers]);
 }
 
 static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
@@ -49,7 +50,7 @@ static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
         take_whole(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
         n_states += runs;
     }
-    saga_twin_batch_take(&m->slot, a, &net[SAGA_NET_SLOT], slots);
+    take_whole(&m->slot, a, &net[SAGA_NET_SLOT], slots);
     /* One state before the first run, and one after each run that writes. */
     m->state = saga_arena_take(a, n_states * state);
     m->d_last = saga_arena_take(a, state);

@@ -279,7 +279,8 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
 
 /* --- Backward ------------------------------------------------------------ */
 
-static void parameters_backward(const job *j, saga_range of)
+/* Sets the gradients dy of the outputs of a chunk. */
+static void parameters_backward(saga_net_rows dy, const job *j, saga_range of)
 {
     const size_t channels = saga_n_channels(&j->s->model, j->kind);
     const saga_rate_kind *const k = j->k;
@@ -287,7 +288,7 @@ static void parameters_backward(const job *j, saga_range of)
 
     scale_mu(&scale, j, channels);
     for (size_t i = of.begin; i < of.end; i++) {
-        real *const d = k->net.d_out + 2 * channels * i;
+        real *const d = dy.at + (i - of.begin) * dy.stride;
 
         for (size_t c = 0; c < channels; c++) {
             const size_t at = i * channels + c;
@@ -369,14 +370,12 @@ static void backward_chunk(const job *j, size_t chunk)
 {
     const saga_range of = saga_part(j->list.n, CHUNK, chunk);
     const saga_net_pass p = pass_of(j);
-    const size_t n_out = 2 * saga_n_channels(&j->s->model, j->kind);
     const uint32_t have = j->s->model.sources[j->kind];
-    saga_net_rows d;
+    saga_net_rows d = saga_net_dy(&p);
     uint32_t source;
 
-    parameters_backward(j, of);
-    d = saga_net_chunk_backward(&p, chunk, j->k->net.d_out + of.begin * n_out,
-                                n_out);
+    parameters_backward(d, j, of);
+    d = saga_net_chunk_backward(&p, chunk, d.at, d.stride);
     for (size_t i = 0; i < of.end - of.begin; i++)
         saga_rate_through(d.at + i * d.stride, p.x + (of.begin + i) * j->dim,
                           j->dim, j->s->model.q_in[j->net]);

@@ -292,27 +292,39 @@ static real *partial_of(const pass *p, size_t block)
     return p->work->partial + block * partial_size(p->net);
 }
 
+/* Returns where the scratch has the gradients of layer l's inputs, or, for
+ * l = n_layers, those of the outputs. It holds the padded input and,
+ * alternately, two gradients. */
+static real *d_layer(const pass *p, int l)
+{
+    return scratch_of(p) + (size_t)(1 + (l & 1)) * CHUNK * widest(p->net);
+}
+
+saga_net_rows saga_net_dy(const saga_net_pass *p)
+{
+    const int l = p->net->n_layers;
+
+    return (saga_net_rows){ d_layer(p, l), pad(p->net, l) };
+}
+
 saga_net_rows saga_net_chunk_backward(const saga_net_pass *p, size_t chunk,
                                       const real *dy, size_t dy_stride)
 {
     const saga_net *const net = p->net;
     const size_t begin = chunk * CHUNK, n = chunk_at(begin, p->m);
-    const size_t area = CHUNK * widest(net);
-    /* The scratch holds the padded input and, alternately, two gradients. */
-    real *const scratch = scratch_of(p);
     saga_dense_rows d = { dy, n, dim(net, net->n_layers), dy_stride };
     real *at = partial_of(p, begin / block_size(p->m)) + partial_size(net);
     int l;
 
     for (l = net->n_layers - 1;; l--) {
         const size_t n_in = dim(net, l), stride = pad(net, l);
-        const saga_dense_rows in = { input_of(p, l, begin, n, scratch), n, n_in,
-                                     stride };
+        const saga_dense_rows in = { input_of(p, l, begin, n, scratch_of(p)), n,
+                                     n_in, stride };
         const bool is_rectified = l > 0 || p->x_is_rectified;
         const saga_dense back = { .w = weights_of(p->work, net, l).along,
                                   .n_out = n_in,
                                   .active = is_rectified ? in.at : NULL };
-        real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
+        real *const d_in = d_layer(p, l);
 
         /* Sums are stored from the first layer to the last; the loop starts
          * with the last. */

@@ -48,6 +48,7 @@ typedef struct saga_net_work {
 #define saga_net_n_blocks SAGA_REAL_NAME(saga_net_n_blocks)
 #define saga_net_block_chunks SAGA_REAL_NAME(saga_net_block_chunks)
 #define saga_net_block_begin SAGA_REAL_NAME(saga_net_block_begin)
+#define saga_net_dy SAGA_REAL_NAME(saga_net_dy)
 #define saga_net_chunk_backward SAGA_REAL_NAME(saga_net_chunk_backward)
 #define saga_net_n_sums SAGA_REAL_NAME(saga_net_n_sums)
 #define saga_net_add_sum SAGA_REAL_NAME(saga_net_add_sum)
@@ -98,14 +99,16 @@ enum { SAGA_NET_CHUNK = 128 };
  * saga_parallel and at most work->n_threads threads. Forward: saga_net_begin,
  * then all chunks of SAGA_NET_CHUNK points. Backward: all blocks of the same
  * points, and then all sums. A thread begins a block and takes its chunks back
- * in order. dy has a row for each point of the chunk, `stride` reals apart. The
- * gradients of the inputs, NULL for constants, are in memory of the work that
- * the thread's next chunk uses again, so they need not leave the cache. */
+ * in order. dy has a row for each point of the chunk, `stride` reals apart, in
+ * the caller's memory or in that of saga_net_dy. The gradients of the inputs,
+ * NULL for constants, are in memory of the work that the thread's next chunk
+ * uses again, so none of these need leave the cache. */
 void saga_net_begin(const saga_net_pass *pass);
 void saga_net_chunk_forward(const saga_net_pass *pass, size_t chunk);
 size_t saga_net_n_blocks(size_t m);
 saga_range saga_net_block_chunks(size_t m, size_t block);
 void saga_net_block_begin(const saga_net_pass *pass, size_t block);
+saga_net_rows saga_net_dy(const saga_net_pass *pass);
 saga_net_rows saga_net_chunk_backward(const saga_net_pass *pass, size_t chunk,
                                       const real *dy, size_t stride);
 size_t saga_net_n_sums(const saga_net *net);

@@ -14,7 +14,6 @@ static void take_reading(saga_twin_batch *b, saga_arena *a, real *in,
 
     b->in = in;
     b->out = saga_arena_take(a, rows * out);
-    b->d_out = saga_arena_take(a, rows * out);
 }
 
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
@@ -37,6 +36,16 @@ static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
                        : NULL;
 }
 
+/* Tells whether the gradients of a network's outputs are for all rows: those of
+ * Fuse are sums of two networks', those of COLOUR_BASE are summed over views,
+ * and D_res and COLOUR have few. */
+static bool keeps_gradients(int net)
+{
+    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FUSE_F ||
+           net == SAGA_NET_COLOUR_BASE || net == SAGA_NET_COLOUR ||
+           net == SAGA_NET_RES;
+}
+
 static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
 {
     const size_t f = s->model.features, fine = w->n.fine, prim = w->n.prim;
@@ -53,6 +62,9 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
             take_reading(&w->batch[net], a, w->batch[SAGA_NET_GEO].in, t, rows);
         else
             saga_twin_batch_take(&w->batch[net], a, t, rows);
+        if (keeps_gradients(net))
+            w->batch[net].d_out = saga_arena_take(
+                a, rows * (size_t)t->dim[t->n_layers]);
     }
     w->fine_feature = saga_arena_take(a, fine * f);
     w->d_fine_feature = saga_arena_take(a, fine * f);

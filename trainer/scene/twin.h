@@ -31,11 +31,12 @@ enum { SAGA_TWIN_MOTION_Q = 8 };
 #define SAGA_TWIN_CENTRE_MIN (R(SAGA_CENTRE_T_MIN) / 65536)
 #define SAGA_TWIN_CENTRE_MAX (R(SAGA_CENTRE_T_END) / 65536)
 
-/* The inputs and outputs of a network for many rows, and their gradients. It
- * has memory for the largest number of rows, so passes cannot fail. */
+/* The inputs and outputs of a network for many rows. It has memory for the
+ * largest number of rows, so passes cannot fail. Gradients are NULL if they are
+ * used chunk by chunk, and not kept. */
 typedef struct saga_twin_batch {
-    real *in, *out, *d_out;
-    real *d_in; /* NULL if it is used chunk by chunk, and not kept */
+    real *in, *out;
+    real *d_in, *d_out;
     saga_net_work work;
 } saga_twin_batch;
 
@@ -93,7 +94,7 @@ typedef struct saga_twin {
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
 /* Places the arrays of a batch of `rows` rows through a network in an arena,
- * except d_in. */
+ * without gradients. */
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 

@@ -174,26 +174,61 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 
 /* --- Attributes ---------------------------------------------------------- */
 
+/* Returns the gradient of primitive i's temporal centre, which is clamped. */
+static real d_centre(const saga_twin *w, size_t i)
+{
+    const real now = w->attr.t_centre[i];
+
+    return now > SAGA_TWIN_CENTRE_MIN && now < SAGA_TWIN_CENTRE_MAX
+               ? w->d_attr.t_centre[i]
+               : 0;
+}
+
+/* Returns where a thread has the gradients of F_geo's outputs for a chunk. */
+static saga_net_rows d_geo(const saga_twin_stage *t)
+{
+    const saga_net_pass p = saga_twin_pass(t->w, t->s, SAGA_NET_GEO);
+
+    return saga_net_dy(&p);
+}
+
 /* Sets the gradients of F_geo's rows for an output from those of an attribute's
- * components part, part + 1, ... */
+ * components part, part + 1, ... of a chunk. */
 static void give_rows(const saga_twin_stage *t, int attr, size_t part,
                       saga_rows rows, saga_range of)
 {
     const saga_attribute *const a = &saga_attributes[attr];
-    const saga_twin_batch *const geo = &t->w->batch[SAGA_NET_GEO];
+    const real *const out = t->w->batch[SAGA_NET_GEO].out;
+    const saga_net_rows to = d_geo(t);
 
     for (size_t i = of.begin; i < of.end; i++) {
         const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) + rows.first;
         const real *const d = t->w->d_attr.of[attr] + (size_t)a->width * i +
                               part;
+        real *const row = to.at + (i - of.begin) * to.stride + rows.first;
 
         for (size_t k = 0; k < rows.n; k++)
-            geo->d_out[at + k] = a->unit == SAGA_UNIT_SUPPORT
-                                     ? saga_inward(d[k], geo->out[at + k],
-                                                   -SAGA_TWIN_MOST_MOTION,
-                                                   SAGA_TWIN_MOST_MOTION)
-                                     : d[k];
+            row[k] = a->unit == SAGA_UNIT_SUPPORT
+                         ? saga_inward(d[k], out[at + k],
+                                       -SAGA_TWIN_MOST_MOTION,
+                                       SAGA_TWIN_MOST_MOTION)
+                         : d[k];
     }
+}
+
+/* Takes the gradients of a chunk from attributes to F_geo's outputs. Rows for
+ * attributes that primitives lack have none. */
+static saga_net_rows geo_outputs(const saga_twin_stage *t, saga_range of)
+{
+    const saga_net_rows to = d_geo(t);
+    const size_t row = t->rows[SAGA_OUT_TIME].first;
+
+    memset(to.at, 0, (of.end - of.begin) * to.stride * sizeof *to.at);
+    saga_twin_each_out(t, of, give_rows);
+    for (size_t i = of.begin; t->w->d_attr.t_centre && i < of.end; i++)
+        to.at[(i - of.begin) * to.stride + row] =
+            d_centre(t->w, i) * t->w->support[4 * t->s->prim_fine[i] + 3];
+    return to;
 }
 
 /* Adds the gradients of primitive i's place and time to those of its position
@@ -217,13 +252,9 @@ static void places_backward(const saga_twin_stage *t, size_t i)
             d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
     }
     if (a->t_centre) {
-        const real now = w->attr.t_centre[i];
-        const real dt = now > SAGA_TWIN_CENTRE_MIN && now < SAGA_TWIN_CENTRE_MAX
-                            ? a->t_centre[i]
-                            : 0;
+        const real dt = d_centre(w, i);
 
         d_x[3] += dt;
-        w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];
         d_log2[3] += dt * w->batch[SAGA_NET_GEO].out[at] * support[3] * LN2;
     }
 }
@@ -239,12 +270,10 @@ static void shift_backward(const saga_twin_stage *t, size_t i)
                      LN2;
 }
 
-/* Takes the gradients from attributes to F_geo's outputs. */
-static void attributes_back(const saga_twin_stage *t, size_t chunk)
+static void places_back(const saga_twin_stage *t, size_t chunk)
 {
     const saga_range of = families(t->s, chunk);
 
-    saga_twin_each_out(t, of, give_rows);
     for (size_t i = of.begin; i < of.end; i++) {
         places_backward(t, i);
         shift_backward(t, i);
@@ -260,9 +289,9 @@ static void shifts_chunk(void *user, size_t chunk)
         shift_backward(t, i);
 }
 
-static void attributes_chunk(void *user, size_t chunk)
+static void places_chunk(void *user, size_t chunk)
 {
-    attributes_back(user, chunk);
+    places_back(user, chunk);
 }
 
 /* Returns the gradients of the features that fuse_forward returns. */
@@ -296,11 +325,13 @@ static void prim_back(const saga_twin_stage *t, size_t chunk)
     real *const to = own ? t->w->d_fine_feature
                          : d_fused(t->w, t->s, SAGA_TIER_FINE);
     const saga_range of = saga_part(t->w->n.prim, SAGA_NET_CHUNK, chunk);
+    const saga_net_pass p = saga_twin_pass(t->w, t->s, SAGA_NET_GEO);
     saga_net_rows geo, base;
     size_t i;
 
-    saga_twin_correct_backward(t, chunk);
-    geo = saga_twin_back(t, SAGA_NET_GEO, chunk);
+    geo = geo_outputs(t, of);
+    saga_twin_correct_backward(t, chunk, geo);
+    geo = saga_net_chunk_backward(&p, chunk, geo.at, geo.stride);
     base = saga_twin_back(t, SAGA_NET_COLOUR_BASE, chunk);
     for (i = of.begin; i < of.end; i++) {
         saga_add_row(geo.at, base.at, f);
@@ -324,7 +355,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     /* Take the gradients from attributes to the networks' outputs, through the
      * networks, and from features to the fine anchors from which these were
      * interpolated. */
-    saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
+    saga_twin_do_rows(places_chunk, &t, w->n.prim);
     t.nets = nets;
     t.n_nets = 4;
     go_back(&t);
@@ -333,13 +364,11 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
                            s->model.features, NULL, w->n.prim);
 }
 
-/* Sets the gradients of F_fine's rows from those of fine features and
- * supports. */
-static void fine_outputs(const saga_twin_stage *t, size_t i)
+/* Sets the gradients of F_fine's outputs for fine anchor i from those of its
+ * features and supports. */
+static void fine_outputs(real *d_out, const saga_twin_stage *t, size_t i)
 {
     const saga_twin *const w = t->w;
-    real *const d_out = w->batch[SAGA_NET_FINE].d_out +
-                        saga_twin_out_at(t->s, SAGA_NET_FINE, i);
     const size_t f = t->s->model.features;
     size_t k;
 
@@ -361,12 +390,13 @@ static void fine_back(const saga_twin_stage *t, size_t chunk)
     real *const to = own ? t->d->coarse_feature
                          : d_fused(t->w, t->s, SAGA_TIER_COARSE);
     const saga_range of = saga_part(t->w->n.fine, SAGA_NET_CHUNK, chunk);
-    saga_net_rows d;
+    const saga_net_pass p = saga_twin_pass(t->w, t->s, SAGA_NET_FINE);
+    saga_net_rows d = saga_net_dy(&p);
     size_t i;
 
     for (i = of.begin; i < of.end; i++)
-        fine_outputs(t, i);
-    d = saga_twin_back(t, SAGA_NET_FINE, chunk);
+        fine_outputs(d.at + (i - of.begin) * d.stride, t, i);
+    d = saga_net_chunk_backward(&p, chunk, d.at, d.stride);
     for (i = of.begin; i < of.end; i++, d.at += d.stride)
         if (own)
             saga_add_row(to + i * f, d.at, f);
@@ -379,7 +409,7 @@ static void fine_back(const saga_twin_stage *t, size_t chunk)
  * cache. */
 static void whole_back(const saga_twin_stage *t, size_t chunk)
 {
-    attributes_back(t, chunk);
+    places_back(t, chunk);
     prim_back(t, chunk);
     fine_back(t, chunk);
 }

@@ -83,34 +83,37 @@ void saga_twin_correct(const saga_twin_stage *t, size_t chunk)
     add(t, SAGA_NET_COLOUR_BASE, n_rows(t->s, SAGA_NET_GEO), of);
 }
 
-/* Sets the gradients of corrections from number `first` on to those of a
- * network's outputs, to which the corrections were added, and those of L_res,
- * price |correction|. */
-static void give(const saga_twin_stage *t, int net, size_t first, real price,
-                 saga_range of)
+/* Sets the gradients of n corrections from number `first` on to those of a
+ * network's outputs, d, to which the corrections were added, and those of
+ * L_res, price |correction|. */
+static void give(const saga_twin_stage *t, size_t n, size_t first,
+                 saga_net_rows d, saga_range of)
 {
-    const size_t n = n_rows(t->s, net);
+    const real price = t->w->correction_price / R(t->w->n.prim);
     const saga_twin_batch *const b = &t->w->batch[SAGA_NET_RES];
 
-    for (size_t i = of.begin; i < of.end; i++)
+    for (size_t i = of.begin; i < of.end; i++, d.at += d.stride)
         for (size_t k = 0; k < n; k++) {
             const size_t at = corrections_at(t->s, i) + first + k;
 
-            b->d_out[at] = t->w->batch[net].d_out[i * n + k] +
-                           (b->out[at] > 0   ? price
-                            : b->out[at] < 0 ? -price
-                                             : 0);
+            b->d_out[at] = d.at[k] + (b->out[at] > 0   ? price
+                                      : b->out[at] < 0 ? -price
+                                                       : 0);
         }
 }
 
-void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk)
+void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk,
+                                saga_net_rows d_geo)
 {
     const saga_range of = saga_part(t->w->n.prim, SAGA_NET_CHUNK, chunk);
-    const real price = t->w->correction_price / R(t->w->n.prim);
+    const size_t n_geo = n_rows(t->s, SAGA_NET_GEO);
+    const size_t n_base = n_rows(t->s, SAGA_NET_COLOUR_BASE);
+    real *const d_base = t->w->batch[SAGA_NET_COLOUR_BASE].d_out;
 
     if (t->s->net[SAGA_NET_RES].n_layers == 0)
         return;
-    give(t, SAGA_NET_GEO, 0, price, of);
-    give(t, SAGA_NET_COLOUR_BASE, n_rows(t->s, SAGA_NET_GEO), price, of);
+    give(t, n_geo, 0, d_geo, of);
+    give(t, n_base, n_geo,
+         (saga_net_rows){ d_base + of.begin * n_base, n_base }, of);
     saga_twin_back(t, SAGA_NET_RES, chunk);
 }

@@ -64,8 +64,10 @@ saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk);
 /* Adds the corrections of a chunk of primitives to the outputs of F_geo and of
  * the colour's first layer. */
 void saga_twin_correct(const saga_twin_stage *t, size_t chunk);
-/* Takes the gradients of these outputs back through D_res. */
-void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk);
+/* Takes the gradients of these outputs back through D_res; d_geo has those of
+ * F_geo. */
+void saga_twin_correct_backward(const saga_twin_stage *t, size_t chunk,
+                                saga_net_rows d_geo);
 
 /* The networks of colour; the second one is used only if colours depend on the
  * view. */
