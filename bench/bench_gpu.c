@@ -196,7 +196,6 @@ void bench_gpu(void)
             fail(&e);
         time_size(gpu, 15000, 480, 270);
         time_size(gpu, 100000, 1352, 1014);
-
         saga_gpu_close(gpu);
         return;
     }
