@@ -165,7 +165,7 @@ static void time_size(saga_gpu *gpu, int n, int width, int height)
     saga_flat_options o = saga_flat_defaults();
     saga_error e = { "" };
     saga_pictures p;
-    saga_flat *f;
+    saga_flat *f = NULL;
 
     o.n_primitives = (uint32_t)n;
     o.n_iterations = 40000; /* so that their number does not change here */

@@ -127,9 +127,12 @@ static double difference(const real *x, const real *y, const real *start,
     double worst = 0, most = 0;
 
     for (size_t i = 0; i < n; i++) {
-        worst = fmax(worst, fabs((double)(x[i] - y[i])));
+        const double off = fabs((double)(x[i] - y[i]));
+
+        worst = fmax(worst, isfinite(off) ? off : INFINITY);
         most = fmax(most, fabs((double)(y[i] - start[i])));
     }
+    assert_true(most > 0);
     return worst / most;
 }
 

@@ -7,6 +7,7 @@
  * device; the first one is the default. Without a device the test is skipped.
  */
 #include "fit_away.h"
+#include "near.h"
 #include "rng.h"
 #include "synth_capture.h"
 #include "testing.h"
@@ -220,19 +221,11 @@ static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
 
 /* --- The comparison ------------------------------------------------------ */
 
-static bool is_near(const char *scene, const char *of, const real *x,
-                    const real *y, size_t n)
+/* Returns whether gradients are there, and near the host's. */
+static bool agrees(const char *scene, const char *of, const real *x,
+                   const real *y, size_t n)
 {
-    double worst = 0, most = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        worst = fmax(worst, fabs((double)x[i] - (double)y[i]));
-        most = fmax(most, fabs((double)y[i]));
-    }
-    if (most > 0 && worst <= 1e-4 * most)
-        return true;
-    print_error("%s, %s: differs by %g of %g\n", scene, of, worst, most);
-    return false;
+    return largest(y, n) > 0 && is_near(scene, of, x, y, n, 1e-4);
 }
 
 static bool nets_are_near(const variant *v, const saga_scene *a,
@@ -252,9 +245,9 @@ static bool nets_are_near(const variant *v, const saga_scene *a,
         const saga_net *const n = &a->net[list[i].net];
 
         for (int l = 0; l < n->n_layers; l++)
-            ok = is_near(v->name, list[i].name, n->w[l],
-                         b->net[list[i].net].w[l],
-                         (size_t)(n->dim[l] + 1) * (size_t)n->dim[l + 1]) &&
+            ok = agrees(v->name, list[i].name, n->w[l],
+                        b->net[list[i].net].w[l],
+                        (size_t)(n->dim[l] + 1) * (size_t)n->dim[l + 1]) &&
                  ok;
     }
     return ok;
@@ -279,12 +272,13 @@ static bool agree(world *w, saga_gpu_canvas *g, const variant *v)
     on_gpu(&away, g, w->gpu, &c, &s, v->drawn);
     saga_pictures_truth(&c, &w->pictures, sample);
     on_host(&host, &c, &s, v->drawn);
-    ok = fabs(away.mse - host.mse) <= 1e-5 * host.mse;
-    ok = is_near(v->name, "features", away.d.coarse_feature,
-                 host.d.coarse_feature, (size_t)N * FEATURES) &&
+    ok = is_near(v->name, "error", &(real){ R(away.mse) },
+                 &(real){ R(host.mse) }, 1, 1e-5);
+    ok = agrees(v->name, "features", away.d.coarse_feature,
+                host.d.coarse_feature, (size_t)N * FEATURES) &&
          ok;
-    ok = is_near(v->name, "positions", away.d.prim_x, host.d.prim_x,
-                 4 * (size_t)N) &&
+    ok = agrees(v->name, "positions", away.d.prim_x, host.d.prim_x,
+                4 * (size_t)N) &&
          ok;
     ok = nets_are_near(v, &away.d, &host.d) && ok;
     return ok;

@@ -9,6 +9,7 @@
 #include "flat_state.h"
 #include "gpu_splat.h"
 #include "novel.h"
+#include "near.h"
 #include "splat_scene.h"
 #include "testing.h"
 #include "tiny_training.h"
@@ -156,30 +157,6 @@ static const struct {
               { "fast", 2000, 3, hurry },
               { "steep", 1000, 3, steepen },
               { "detached", 1000, 3, detach } };
-
-static double largest(const real *x, size_t n)
-{
-    double most = 0;
-
-    for (size_t i = 0; i < n; i++)
-        most = fmax(most, fabs((double)x[i]));
-    return most;
-}
-
-/* Returns whether x is within `part` of the largest magnitude of y. */
-static bool is_near(const char *scene, const char *of, const real *x,
-                    const real *y, size_t n, double part)
-{
-    const double most = largest(y, n);
-    double worst = 0;
-
-    for (size_t i = 0; i < n; i++)
-        worst = fmax(worst, fabs((double)x[i] - (double)y[i]));
-    if (worst <= part * most)
-        return true;
-    print_error("%s, %s: differs by %g of %g\n", scene, of, worst, most);
-    return false;
-}
 
 static bool agree(const world *w, fixture *f, const char *name)
 {

@@ -245,8 +245,8 @@ static void note_time(saga_gpu *g, VkPipelineStageFlagBits stage, int at)
 void saga_gpu_run(saga_gpu *g, const saga_gpu_job *job)
 {
     const VkPipelineLayout layout = g->layout[job->kernel];
-    /* A dimension has at most 65,535 groups; frame_buffer.glsl numbers the
-     * groups of both. */
+    /* A dimension has at most 65,535 groups; group.glsl numbers the groups of
+     * both. */
     const uint32_t x = job->n_groups < MOST_X ? job->n_groups : MOST_X;
     VkDescriptorSet set;
 

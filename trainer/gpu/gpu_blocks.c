@@ -119,7 +119,11 @@ bool saga_gpu_blocks_put(saga_gpu_blocks *s, const saga_block_adam *b,
     saga_gpu_copy(s->gpu, &s->state, 0, &s->up, 0, state);
     saga_gpu_copy(s->gpu, &s->x, 0, &s->up, state, rows);
     saga_gpu_copy(s->gpu, &s->span, 0, &s->up, state + rows, spans);
-    return saga_gpu_finish(s->gpu, error);
+    if (!saga_gpu_finish(s->gpu, error))
+        return false;
+    /* A step needs a fortieth of this. */
+    saga_gpu_free(&s->up, s->gpu);
+    return true;
 }
 
 bool saga_gpu_blocks_get(saga_gpu_blocks *s, const saga_block_adam *b,
@@ -134,6 +138,7 @@ bool saga_gpu_blocks_get(saga_gpu_blocks *s, const saga_block_adam *b,
     if (!saga_gpu_finish(s->gpu, error))
         return false;
     memcpy(b->state, s->down.map, state);
+    saga_gpu_free(&s->down, s->gpu);
     return true;
 }
 

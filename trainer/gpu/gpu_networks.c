@@ -51,11 +51,10 @@ static void append(saga_gpu_networks *s, int net, layer first)
 
     s->at[net] = s->n_params;
     for (int l = 0; l <= last; l++) {
-        const layer *const before = s->list + s->n - 1;
         layer *const to = s->list + s->n;
 
-        *to = l ? (layer){ .x = before->y,
-                           .d_x = before->d_y,
+        *to = l ? (layer){ .x = to[-1].y,
+                           .d_x = to[-1].d_y,
                            .how_back = RELU,
                            .n_cols = (uint32_t)from->dim[l] }
                 : first;
@@ -126,8 +125,21 @@ static size_t widest(const saga_gpu_prims *p)
     return most;
 }
 
+/* Returns the number of weights and biases of all networks. */
+static size_t n_weights(const saga_gpu_prims *p)
+{
+    size_t n = 0;
+
+    for (int k = 0; k < SAGA_GPU_N_NETS; k++)
+        for (int l = 0; l < n_layers(p, k); l++)
+            n += (size_t)(p->net[k]->dim[l] + 1) *
+                 (size_t)p->net[k]->dim[l + 1];
+    return n;
+}
+
 bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p)
 {
+    const size_t most = saga_gpu_most(gpu) / sizeof(real);
     int sum = 0;
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++)
@@ -135,8 +147,8 @@ bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p)
     return sum <= SAGA_GPU_MOST_LAYERS && n_layers(p, SAGA_GPU_GEO) > 0 &&
            n_layers(p, SAGA_GPU_COLOUR_BASE) == 1 &&
            n_layers(p, SAGA_GPU_COLOUR_VIEW) <= 1 &&
-           n_layers(p, SAGA_GPU_COLOUR) > 0 &&
-           p->n * widest(p) * sizeof(real) <= saga_gpu_most(gpu);
+           n_layers(p, SAGA_GPU_COLOUR) > 0 && p->n * widest(p) <= most &&
+           MOST_SLABS * n_weights(p) <= most;
 }
 
 static size_t n_geo(const saga_gpu_networks *s)

@@ -294,7 +294,7 @@ static void places_chunk(void *user, size_t chunk)
     places_back(user, chunk);
 }
 
-/* Returns the gradients of the features that fuse_forward returns. */
+/* Returns the gradients of the features that context_forward returns. */
 static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
 {
     const int net = saga_fuse_net(tier);

@@ -48,7 +48,7 @@ static veci short_ones(const saga_splat_params *p, lanes at)
                          : (veci)vec_zero();
 }
 
-/* As saga_splat_ageing. */
+/* As saga_splat_ageing, but for the last bits of its exp2. */
 static vec ageing(const saga_splat_params *p, lanes at)
 {
     const vec two = vec_set1(2);

@@ -173,7 +173,8 @@ typedef struct {
 static void span(veci *begin, veci *end, vec mean, vec half, int side)
 {
     const vec h = half * R(1.0001) + R(0.01);
-    /* In order of the rounding of a - h - 1/2 and a + h - 1/2, and NaN is 0. */
+    /* NaN ends at the side, so that
+     * nothing is touched. */
     const vec a = vec_max(vec_min(mean - h - R(0.5), vec_set1(R(side))),
                           vec_zero());
     const vec b = vec_max(vec_min(mean + h - R(0.5), vec_set1(R(side - 1))),
