@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "splat_animate.h"
 
-#include "splat_lanes.h"
 #include "model.h"
+#include "splat_lanes.h"
 
 #define PEAK R(SAGA_PEAK_LOG2)
 #define LOG2_E R(1.4426950408889634)
@@ -28,35 +28,34 @@ static vec softplus2(vec x)
 
 /* --- Time ---------------------------------------------------------------- */
 
-static vec elapsed(const saga_splat_params *p, lanes at, real t)
+/* The time of primitives. Without a temporal opacity per_width is 0. */
+typedef struct {
+    vec dt;        /* from the centre */
+    vec per_width; /* 1 / width */
+    vec pace;      /* as saga_splat_ageing, but for the last bits of its exp2 */
+    veci is_short; /* the width is below half a unit */
+} timing;
+
+static timing timing_of(const saga_splat_params *p, lanes at, real t)
 {
-    return p->t_centre ? t - lanes_get(p->t_centre, at) : vec_set1(t);
+    timing m = { .dt = vec_set1(t), .pace = vec_set1(2) };
+
+    if (p->t_centre)
+        m.dt = t - lanes_get(p->t_centre, at);
+    if (p->log2_width) {
+        const vec log2_width = lanes_get(p->log2_width, at);
+
+        m.per_width = vec_exp2(-log2_width);
+        m.is_short = (veci)(log2_width < -1);
+        m.pace = vec_select(m.is_short, m.per_width, m.pace);
+    }
+    return m;
 }
 
 /* Returns |dt| / width, limited. NaN stays NaN. */
-static vec width_ratio(const saga_splat_params *p, lanes at, vec dt)
+static vec width_ratio(const timing *m)
 {
-    const vec u = vec_abs(dt) * vec_exp2(-lanes_get(p->log2_width, at));
-
-    return vec_min(vec_set1(LIMIT_U), u);
-}
-
-/* Tells which primitives are shorter than half a unit of time. */
-static veci short_ones(const saga_splat_params *p, lanes at)
-{
-    return p->log2_width ? (veci)(lanes_get(p->log2_width, at) < -1)
-                         : (veci)vec_zero();
-}
-
-/* As saga_splat_ageing, but for the last bits of its exp2. */
-static vec ageing(const saga_splat_params *p, lanes at)
-{
-    const vec two = vec_set1(2);
-
-    return p->log2_width
-               ? vec_select(short_ones(p, at),
-                            vec_exp2(-lanes_get(p->log2_width, at)), two)
-               : two;
+    return vec_min(vec_set1(LIMIT_U), vec_abs(m->dt) * m->per_width);
 }
 
 static vec limit_age(vec age)
@@ -109,8 +108,9 @@ void saga_splat_place(real *mean, const saga_splat_params *p, saga_range of,
 {
     for (size_t i = of.begin; i < of.end; i += VEC_LANES) {
         const lanes at = lanes_from(of, i);
+        const timing m = timing_of(p, at, t);
 
-        animate_mean(mean, p, at, limit_age(elapsed(p, at, t) * ageing(p, at)));
+        animate_mean(mean, p, at, limit_age(m.dt * m.pace));
     }
 }
 
@@ -119,8 +119,8 @@ SAGA_ISA_CHOOSE(saga_splat_place);
 static void animate(saga_splat_posed *out, const saga_splat_params *p, lanes at,
                     real t)
 {
-    const vec dt = elapsed(p, at, t);
-    const vec age = limit_age(dt * ageing(p, at));
+    const timing m = timing_of(p, at, t);
+    const vec age = limit_age(m.dt * m.pace);
     /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); q0 is its -log2. */
     vec q0 = softplus2(PEAK - lanes_get(p->opacity, at)) - PEAK;
     vec quat[4], slope[4];
@@ -134,7 +134,7 @@ static void animate(saga_splat_posed *out, const saga_splat_params *p, lanes at,
     }
     lanes_set_rows(out->quat, 4, at, quat);
     if (p->log2_width) {
-        const vec u = width_ratio(p, at, dt);
+        const vec u = width_ratio(&m);
 
         /* Alpha falls by exp(-u^2) with the time from the centre. */
         q0 += LOG2_E * u * u;
@@ -215,7 +215,8 @@ static vec quat_backward(saga_splat_params *d, const group *g, vec age)
 /* Adds the gradients of opacity and width. d log2(1 + 2^(3 - o)) / do = -1 / (1
  * + 2^(o - 3)). With u = |dt| / width below its limit, q = log2(e) u^2 gives
  * dq/d log2_width = -2 u^2 and dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
-static vec opacity_backward(saga_splat_params *d, const group *g, vec dt)
+static vec opacity_backward(saga_splat_params *d, const group *g,
+                            const timing *m)
 {
     const vec d_q0 = lanes_get(g->d_out->q0, g->at);
     const vec o = lanes_get(g->p->opacity, g->at);
@@ -225,31 +226,31 @@ static vec opacity_backward(saga_splat_params *d, const group *g, vec dt)
     lanes_add(d->opacity, g->at, g->seen, -d_q0 / (1 + vec_exp2(o - PEAK)));
     if (!g->p->log2_width)
         return vec_zero();
-    u = width_ratio(g->p, g->at, dt);
+    u = width_ratio(m);
     inside = (veci)(u < LIMIT_U);
     if (d->log2_width)
         lanes_add(d->log2_width, g->at, g->seen & inside, -2 * u * u * d_q0);
-    return vec_and(inside & (veci)(dt != 0), d_q0 * 2 * LOG2_E * u * u / dt);
+    return vec_and(inside & (veci)(m->dt != 0),
+                   d_q0 * 2 * LOG2_E * u * u / m->dt);
 }
 
 static void animate_backward(saga_splat_params *d, const group *g,
                              const saga_canvas *c)
 {
-    const vec dt = elapsed(g->p, g->at, c->t), pace = ageing(g->p, g->at);
-    const vec age = dt * pace, limited = limit_age(age);
+    const timing m = timing_of(g->p, g->at, c->t);
+    const vec age = m.dt * m.pace, limited = limit_age(age);
     const vec d_age = motion_backward(d, g, limited) +
                       quat_backward(d, g, limited);
-    vec d_dt = opacity_backward(d, g, dt);
+    vec d_dt = opacity_backward(d, g, &m);
 
     /* age = pace dt, and below a width of 1/2 pace = 2^-log2_width. At its
      * limit the age is constant, and no gradient passes. */
     if (!c->rules.detach_time) {
         const veci inside = (veci)(vec_abs(age) < LIMIT_AGE);
 
-        d_dt += vec_and(inside, pace * d_age);
+        d_dt += vec_and(inside, m.pace * d_age);
         if (d->log2_width)
-            lanes_add(d->log2_width, g->at,
-                      g->seen & inside & short_ones(g->p, g->at),
+            lanes_add(d->log2_width, g->at, g->seen & inside & m.is_short,
                       -LN_2 * age * d_age);
     }
     /* dt = t - t_centre */
