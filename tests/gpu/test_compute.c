@@ -6,37 +6,11 @@
  * the tests that need one are skipped.
  */
 #include "compute.h"
-#include "testing.h"
+#include "test_device.h"
 
 enum { MOST = 40000, BLOCK = 1024 };
 
-static int set_up(void **state)
-{
-    const char *const number = getenv("SAGA_TEST_GPU");
-    saga_error none = { "" };
-
-    *state = saga_gpu_open(number ? atoi(number) : 0, &none);
-    if (*state)
-        print_message("on %s\n", saga_gpu_is(*state)->name);
-    else
-        print_message("skipped: %s\n", none.message);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    saga_gpu_close(*state);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
-
-static saga_gpu *gpu_of(void **state)
-{
-    if (!*state)
-        skip();
-    return *state;
-}
+TEST_GROUP(set_up_device, tear_down_device);
 
 /* --- SPIR-V -------------------------------------------------------------- */
 
@@ -86,7 +60,7 @@ TEST(a_device_that_is_not_there_should_be_refused)
     saga_gpu_info one;
     saga_error e = { "" };
 
-    gpu_of(state);
+    test_device_of(state);
     assert_true(saga_gpu_list(&one, 1, &e) >= 1);
     assert_true(one.version[0] == 1 && one.version[1] >= 1);
     for (size_t i = 0; i < 2; i++) {
@@ -98,7 +72,7 @@ TEST(a_device_that_is_not_there_should_be_refused)
 
 TEST(two_devices_should_work_at_once)
 {
-    saga_gpu *const g = gpu_of(state), *other;
+    saga_gpu *const g = test_device_of(state), *other;
     saga_gpu_buffer a, b;
 
     (void)g;
@@ -123,7 +97,7 @@ TEST(two_devices_should_work_at_once)
 TEST(copies_and_fills_should_come_in_their_order)
 {
     enum { N = 1000 };
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     saga_gpu_buffer up, on, down;
     uint32_t want[N];
 
@@ -158,7 +132,7 @@ TEST(copies_and_fills_should_come_in_their_order)
 
 TEST(a_buffer_should_grow_and_never_shrink)
 {
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     saga_gpu_buffer b = { 0 };
     uint64_t first;
 
@@ -174,7 +148,7 @@ TEST(a_buffer_should_grow_and_never_shrink)
 
 TEST(memory_that_is_not_there_should_be_an_error_with_a_remedy)
 {
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     saga_gpu_buffer b;
     saga_error e = { "" };
 
@@ -248,7 +222,7 @@ TEST(kernels_should_run_in_turn_in_any_number_of_groups)
         uint32_t n, idle;
     } list[] = { { 1, 0 },         { BLOCK - 1, 0 }, { BLOCK, 0 },
                  { BLOCK + 1, 0 }, { MOST, 0 },      { 5000, 40000 } };
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     sums_of s;
     uint32_t *from;
 
@@ -275,7 +249,7 @@ TEST(kernels_should_run_in_turn_in_any_number_of_groups)
 
 TEST(a_list_that_is_too_long_should_be_an_error_and_the_next_one_work)
 {
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     saga_error e = { "" };
     sums_of s;
 
@@ -295,7 +269,7 @@ TEST(a_list_that_is_too_long_should_be_an_error_and_the_next_one_work)
 
 TEST(times_should_be_of_the_runs_since_they_were_switched_on)
 {
-    saga_gpu *const g = gpu_of(state);
+    saga_gpu *const g = test_device_of(state);
     uint64_t n_runs;
     double seconds;
     sums_of s;

@@ -6,35 +6,9 @@
  */
 #include "gpu_blocks.h"
 #include "rng.h"
-#include "testing.h"
+#include "test_device.h"
 
-static int set_up(void **state)
-{
-    const char *const number = getenv("SAGA_TEST_GPU");
-    saga_error none = { "" };
-
-    *state = saga_gpu_open(number ? atoi(number) : 0, &none);
-    if (*state)
-        print_message("on %s\n", saga_gpu_is(*state)->name);
-    else
-        print_message("skipped: %s\n", none.message);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    saga_gpu_close(*state);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
-
-static saga_gpu *gpu_of(void **state)
-{
-    if (!*state)
-        skip();
-    return *state;
-}
+TEST_GROUP(set_up_device, tear_down_device);
 
 /* --- Blocks -------------------------------------------------------------- */
 
@@ -149,7 +123,7 @@ TEST(blocks_should_step_as_on_the_host)
                                   { 410, 8, 8, false },
                                   { 850, 16, 19, true },
                                   { 52, 64, 66, true } };
-    saga_gpu *const gpu = gpu_of(state);
+    saga_gpu *const gpu = test_device_of(state);
 
     for (size_t c = 0; c < sizeof list / sizeof list[0]; c++) {
         const shape *const s = &list[c];
@@ -194,7 +168,7 @@ TEST(a_state_should_move_between_device_and_host)
 {
     const shape s = { 120, 12, 12, false };
     const size_t n = s.n * s.stride;
-    saga_gpu *const gpu = gpu_of(state);
+    saga_gpu *const gpu = test_device_of(state);
     FREED_BY(drop) saga_block_adam b = make(&s);
     FREED_BY(drop) saga_block_adam back = make(&s);
     FREED real *const start = zeroed(n, sizeof *start);
@@ -218,7 +192,7 @@ TEST(a_state_should_move_between_device_and_host)
 TEST(two_runs_should_give_the_same_bits)
 {
     const shape s = { 120, 16, 16, false };
-    saga_gpu *const gpu = gpu_of(state);
+    saga_gpu *const gpu = test_device_of(state);
     saga_block_adam b[2];
 
     for (int k = 0; k < 2; k++) {
@@ -241,7 +215,7 @@ TEST(a_gradient_that_is_not_finite_should_be_an_error)
 {
     const shape s = { 20, 8, 8, false };
     const saga_adam adam = saga_adam_default();
-    saga_gpu *const gpu = gpu_of(state);
+    saga_gpu *const gpu = test_device_of(state);
     FREED_BY(drop) saga_block_adam b = make(&s);
     FREED_BY(drop) saga_block_adam before = make(&s);
     saga_error e = { "" };

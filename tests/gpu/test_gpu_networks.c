@@ -10,6 +10,7 @@
 #include "near.h"
 #include "rng.h"
 #include "synth_capture.h"
+#include "test_device.h"
 #include "testing.h"
 #include "tiny_training.h"
 
@@ -25,16 +26,10 @@ typedef struct {
 
 static int set_up(void **state)
 {
-    const char *const number = getenv("SAGA_TEST_GPU");
     const saga_synth_options s = synth_options(W, H, 4, 3, 120);
-    saga_error none = { "" };
     world *const w = zeroed(1, sizeof *w);
 
-    w->gpu = saga_gpu_open(number ? atoi(number) : 0, &none);
-    if (w->gpu)
-        print_message("on %s\n", saga_gpu_is(w->gpu)->name);
-    else
-        print_message("skipped: %s\n", none.message);
+    w->gpu = open_test_device();
     w->capture = tiny_capture(&s);
     assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));
     *state = w;

@@ -11,6 +11,7 @@
 #include "novel.h"
 #include "near.h"
 #include "splat_scene.h"
+#include "test_device.h"
 #include "testing.h"
 #include "tiny_training.h"
 
@@ -26,16 +27,10 @@ typedef struct {
 
 static int set_up(void **state)
 {
-    const char *const number = getenv("SAGA_TEST_GPU");
     saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
-    saga_error none = { "" };
     world *const w = calloc(1, sizeof *w);
 
-    w->gpu = saga_gpu_open(number ? atoi(number) : 0, &none);
-    if (!w->gpu)
-        print_message("skipped: %s\n", none.message);
-    else
-        print_message("on %s\n", saga_gpu_is(w->gpu)->name);
+    w->gpu = open_test_device();
     s.depth_every = 1;
     w->capture = tiny_capture(&s);
     assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));

@@ -14,7 +14,7 @@
 
 /* Returns a fit after `render` iterations on three views with five frames,
  * before it is polished. */
-static saga_train *rendered(tiny *room, int render)
+static saga_train *rendered_by(tiny *room, int render, uint64_t seed)
 {
     static tiny_stop place;
     saga_train_options o = tiny_options(150, TINY_WARM, render);
@@ -22,8 +22,14 @@ static saga_train *rendered(tiny *room, int render)
     place = (tiny_stop){ SAGA_TRAIN_RENDER, render, 0, 0 };
     tiny_open(room, 5);
     o.lambda = 0; /* the policy chooses it */
+    o.seed = seed;
     o.checkpoint = room->checkpoint;
     return tiny_train_until(&room->capture, &o, &place);
+}
+
+static saga_train *rendered(tiny *room, int render)
+{
+    return rendered_by(room, render, 1);
 }
 
 static saga_fit_polished polish(saga_train *t)
@@ -52,21 +58,35 @@ static size_t n_features(const saga_train *t)
     return (size_t)t->render.scene.n.coarse * t->render.scene.model.features;
 }
 
-TEST(polish_should_gain_about_what_it_foretells)
+/* The prediction ignores how moved features affect each other. One training of
+ * so small a scene gains 0.23 to 0.71 of it, so that four are added. */
+TEST(polishes_should_gain_about_what_they_foretell)
+{
+    double gain = 0, foretold = 0;
+
+    for (uint64_t seed = 1; seed <= 4; seed++) {
+        FREED_BY(tiny_close) tiny room;
+        saga_train *const t = rendered_by(&room, 16 * 15, seed);
+        const saga_fit_polished p = polish(t);
+
+        gain += p.before - p.after;
+        foretold += p.foretold;
+        saga_train_free(t);
+    }
+    printf("%g of %g\n", gain, foretold);
+    assert_true(gain > 0.3 * foretold && gain < 2 * foretold);
+}
+
+TEST(polish_should_draw_all_pictures_and_lower_the_loss)
 {
     FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 16 * 15);
     const saga_fit_polished first = polish(t), second = polish(t);
-    const double gain = first.before - first.after;
 
     /* After 16 visits to each of 15 pictures all of them are drawn. */
     assert_int_equal(first.n_turns, 4);
     assert_int_equal(saga_fit_polish_draws(16 * 15, 15), (4 + 2) * 15);
     assert_true(first.after < first.before);
-    /* The prediction ignores how moved features affect each other: of this
-     * small scene a quarter to a third of it is gained, by the last bits of
-     * floats. */
-    assert_true(gain > 0.15 * first.foretold && gain < 2 * first.foretold);
     /* A second polish starts from the scene that the first one left. Only the
      * offsets are rounded anew, since supports follow from the features. */
     assert_true(fabs(second.before / first.after - 1) < 0.02);
