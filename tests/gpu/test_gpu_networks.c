@@ -7,47 +7,13 @@
  * device; the first one is the default. Without a device the test is skipped.
  */
 #include "fit_away.h"
+#include "gpu_world.h"
 #include "near.h"
 #include "rng.h"
-#include "synth_capture.h"
-#include "test_device.h"
-#include "testing.h"
-#include "tiny_training.h"
 
-enum { W = 90, H = 52, N = 700, FEATURES = 20, MOST = 64 };
+enum { N = 700, FEATURES = 20, MOST = 64 };
 
-/* --- A device and a small capture ---------------------------------------- */
-
-typedef struct {
-    saga_gpu *gpu;
-    saga_capture capture;
-    saga_pictures pictures;
-} world;
-
-static int set_up(void **state)
-{
-    const saga_synth_options s = synth_options(W, H, 4, 3, 120);
-    world *const w = zeroed(1, sizeof *w);
-
-    w->gpu = open_test_device();
-    w->capture = tiny_capture(&s);
-    assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));
-    *state = w;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    world *const w = *state;
-
-    saga_gpu_close(w->gpu);
-    saga_pictures_free(&w->pictures);
-    saga_capture_free(&w->capture);
-    free(w);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
+TEST_GROUP(set_up_world, tear_down_world);
 
 /* --- A scene ------------------------------------------------------------- */
 
@@ -282,12 +248,10 @@ static bool agree(world *w, saga_gpu_canvas *g, const variant *v)
 /* All use one canvas, whose buffers have the values of the case before. */
 TEST(networks_should_agree_with_the_host)
 {
-    world *const w = *state;
+    world *const w = world_of(state);
     saga_gpu_canvas *g;
     bool ok = true;
 
-    if (!w->gpu)
-        skip();
     assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
     for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
         ok = agree(w, g, &variants[i]) && ok;

@@ -8,57 +8,12 @@
  */
 #include "flat_state.h"
 #include "gpu_splat.h"
+#include "gpu_world.h"
 #include "novel.h"
 #include "near.h"
 #include "splat_scene.h"
-#include "test_device.h"
-#include "testing.h"
-#include "tiny_training.h"
 
-enum { W = 90, H = 52, VIEWS = 5, FRAMES = 4 };
-
-/* --- A device and a small capture ---------------------------------------- */
-
-typedef struct {
-    saga_gpu *gpu;
-    saga_capture capture;
-    saga_pictures pictures;
-} world;
-
-static int set_up(void **state)
-{
-    saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
-    world *const w = calloc(1, sizeof *w);
-
-    w->gpu = open_test_device();
-    s.depth_every = 1;
-    w->capture = tiny_capture(&s);
-    assert_done(saga_pictures_init(&w->pictures, &w->capture, &error));
-    *state = w;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    world *const w = *state;
-
-    saga_gpu_close(w->gpu);
-    saga_pictures_free(&w->pictures);
-    saga_capture_free(&w->capture);
-    free(w);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
-
-static world *world_of(void **state)
-{
-    world *const w = *state;
-
-    if (!w->gpu)
-        skip();
-    return w;
-}
+TEST_GROUP(set_up_world, tear_down_world);
 
 /* --- A pass -------------------------------------------------------------- */
 

@@ -2,8 +2,9 @@
  *
  * A scene for tests of the rate, in float or double. Its root is split `depth`
  * times in space, which gives 8^depth coarse anchors with three fine anchors
- * each; every other pair of fine anchors has five primitives. Every kind has
- * every source. With a bank, every group has rounds of several blocks.
+ * each; every other pair of fine anchors has five primitives. Or each primitive
+ * has a coarse and a fine anchor of its own. Every kind has every source. With
+ * a bank, every group has rounds of several blocks.
  */
 #ifndef RATE_SCENE_H
 #define RATE_SCENE_H
@@ -79,6 +80,7 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 
     for (uint32_t i = 0; i < s->n.coarse; i++) {
         saga_coarse *const c = &s->coarse[i];
+        const uint32_t n_fine = s->n.fine / s->n.coarse;
 
         c->depth_x = (uint8_t)depth;
         for (uint32_t b = 0; b < 3 * depth; b++)
@@ -86,8 +88,8 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
                                                                      << b / 3);
         c->group = (uint8_t)(i % 3);
         c->class = s->model.n_classes ? (uint8_t)(i / 2 % 2) : 0;
-        c->n_fine = 3;
-        c->first_fine = 3 * i;
+        c->n_fine = (uint8_t)n_fine;
+        c->first_fine = n_fine * i;
         saga_scene_cell(s->coarse_x + 4 * (size_t)i, c);
         for (size_t a = 0; a < 4; a++)
             s->coarse_x[4 * (size_t)i + a] +=
@@ -97,17 +99,19 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 
 static inline void rate_scene_fine(saga_scene *s, saga_rng r)
 {
+    const uint32_t n_fine = s->n.fine / s->n.coarse;
+    const bool own = s->n.prim == s->n.fine;
     uint64_t k = 0;
     uint32_t at = 0;
 
     for (uint32_t i = 0; i < s->n.fine; i++) {
         saga_fine *const f = &s->fine[i];
-        const saga_coarse *const c = &s->coarse[i / 3];
+        const saga_coarse *const c = &s->coarse[i / n_fine];
 
-        f->parent = i / 3;
+        f->parent = i / n_fine;
         f->group = (uint8_t)(i % 3);
         f->first_prim = at;
-        f->n_prim = (uint8_t)(2 + i % 2);
+        f->n_prim = own ? 1 : (uint8_t)(2 + i % 2);
         saga_scene_cell(s->fine_x + 4 * (size_t)i, c);
         for (size_t a = 0; a < 4; a++)
             s->fine_x[4 * (size_t)i + a] +=
@@ -123,11 +127,9 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
     }
 }
 
-static inline void rate_scene_make(rate_scene *f, const saga_model *m,
-                                   uint32_t depth)
+static inline void rate_scene_of(rate_scene *f, const saga_model *m,
+                                 uint32_t depth, saga_counts counts)
 {
-    const uint32_t n = 1u << (3 * depth);
-    const saga_counts counts = { n, 3 * n, 15 * n / 2 };
     const saga_rng r = saga_rng_stream(5, 0);
     saga_scene *const s = &f->s;
 
@@ -137,7 +139,7 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
     rate_scene_fine(s, saga_rng_stream(5, 2));
-    for (size_t i = 0; i < (size_t)n * m->features; i++)
+    for (size_t i = 0; i < (size_t)counts.coarse * m->features; i++)
         s->coarse_feature[i] = R(saga_rng_normal(r, i));
     /* Parameters, including biases, are moved away from 0, where gradients
      * could vanish. */
@@ -152,6 +154,23 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     f->o.every = 1;
     f->o.seed = 3;
     f->o.weight = R(0.01);
+}
+
+static inline void rate_scene_make(rate_scene *f, const saga_model *m,
+                                   uint32_t depth)
+{
+    const uint32_t n = 1u << (3 * depth);
+
+    rate_scene_of(f, m, depth, (saga_counts){ n, 3 * n, 15 * n / 2 });
+}
+
+/* Makes the scene in which each primitive has anchors of its own. */
+static inline void rate_scene_make_own(rate_scene *f, const saga_model *m,
+                                       uint32_t depth)
+{
+    const uint32_t n = 1u << (3 * depth);
+
+    rate_scene_of(f, m, depth, (saga_counts){ n, n, n });
 }
 
 /* Makes the scene without a bank. */

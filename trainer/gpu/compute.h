@@ -140,11 +140,14 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
     X(DENSE_BACK, dense_back, 4)           \
     X(DENSE_WEIGHTS, dense_weights, 3)     \
     X(DENSE_SUM, dense_sum, 2)             \
-    X(NET_INPUTS, net_inputs, 3)           \
-    X(NET_VALUES, net_values, 5)           \
+    X(EMBED, embed, 2)                     \
+    X(GATHER, gather, 3)                   \
+    X(SCATTER, scatter, 4)                 \
+    X(NET_VALUES, net_values, 7)           \
     X(NET_DIRECTIONS, net_directions, 3)   \
     X(NET_COLOURS, net_colours, 3)         \
-    X(NET_GRADIENTS, net_gradients, 9)
+    X(NET_GRADIENTS, net_gradients, 11)    \
+    X(RATE_COST, rate_cost, 9)
 
 #define SAGA_KERNEL_WORD(word, name, n) SAGA_KERNEL_##word,
 

@@ -6,6 +6,7 @@
 #define SAGA_GPU_STATE_H
 
 #include "gpu_frame.h"
+#include "gpu_rates.h"
 #include "gpu_splat.h"
 
 /* Layers of all networks of primitives together. */
@@ -47,19 +48,41 @@ enum {
     GPU_IMAGE,   /* a picture */
     GPU_STORED,  /* a stored picture */
     /* Networks of N primitives; those of the fit (gpu_networks.h). */
-    GPU_FEATURE, /* (N, F) */
-    GPU_GIVEN,   /* (N, 14) as kernels/given.glsl lays it */
+    GPU_FEATURE, /* (N, F) of fine anchors */
+    GPU_D_FEATURE,
+    GPU_PLACE, /* (N, 4) of primitives */
+    GPU_D_PLACE,
+    GPU_OFFSET4, /* (N, 4) from the fine anchor, in supports */
+    GPU_SUPPORT, /* (N, 4) of fine anchors */
+    GPU_D_LOG2,  /* (N, 4) of log2 supports */
+    GPU_LEVEL,   /* (N, 2) constants of log2 sizes */
     GPU_PART,    /* (outputs of F_geo, 2) */
     GPU_PARAM,   /* of all layers */
     GPU_D_PARAM,
     GPU_PARTIAL,   /* (slabs, parameters) */
     GPU_NET_IN,    /* (N, inputs of F_geo) */
     GPU_DIRECTION, /* (N, 3) */
-    GPU_D_FEATURE,
-    GPU_D_GIVEN, /* (N, 8) */
-    GPU_LAYER,   /* (N, outputs) of each layer, and gradients likewise */
+    GPU_LAYER,     /* (N, outputs) of each layer, and gradients likewise */
     GPU_D_LAYER = GPU_LAYER + SAGA_GPU_MOST_LAYERS,
-    GPU_N_BUFFERS = GPU_D_LAYER + SAGA_GPU_MOST_LAYERS
+    /* The entropy model (gpu_rates.h). */
+    GPU_COARSE = GPU_D_LAYER + SAGA_GPU_MOST_LAYERS, /* (N, F) features */
+    GPU_D_COARSE,
+    GPU_FINE_OFFSET,                       /* (N, 5) as GROUPS reads them */
+    GPU_SPAN,                              /* (N) */
+    GPU_PHASE,                             /* (N, 4), of each kind */
+    GPU_SIZE = GPU_PHASE + SAGA_N_KINDS,   /* (N, 5) */
+    GPU_VALUE4 = GPU_SIZE + SAGA_N_KINDS,  /* (N, 4) */
+    GPU_SCALE = GPU_VALUE4 + SAGA_N_KINDS, /* (channels, 3) */
+    GPU_MU = GPU_SCALE + SAGA_N_KINDS,     /* (N, channels that learn) */
+    GPU_LINKS = GPU_MU + SAGA_N_KINDS,     /* of each SAGA_GPU_LINKS_* */
+    GPU_READERS = GPU_LINKS + SAGA_GPU_N_LINKS,    /* the other way round */
+    GPU_D_OFFSET = GPU_READERS + SAGA_GPU_N_LINKS, /* (N, 4) */
+    GPU_HYPER_IN,                                  /* (rows, inputs) */
+    GPU_RATE_IN,
+    GPU_D_RATE_IN,
+    GPU_D_RATE_OUT, /* (rows, 2 channels) */
+    GPU_BITS,       /* (rows, channels) */
+    GPU_N_BUFFERS
 };
 
 typedef struct saga_gpu_networks saga_gpu_networks;
@@ -83,8 +106,9 @@ struct saga_gpu_canvas {
     saga_gpu_buffer up_frame, up, up_back, up_picture, down;
     size_t n_up; /* bytes of attributes in `up` for the next pass, or 0 */
     uint32_t most_pairs;
-    uint32_t n_set; /* primitives that were put */
-    uint32_t attrs; /* and their attributes */
+    uint32_t n_set;                               /* primitives that were put */
+    uint32_t attrs;                               /* and their attributes */
+    uint32_t n_linked, n_links[SAGA_GPU_N_LINKS]; /* blocks; links of a set */
     saga_gpu_cache cache;
     /* The networks that compute the attributes of the pass, NULL if these are
      * there, and what records them, before the lists are made. */

@@ -17,7 +17,8 @@ layout(push_constant) uniform push_block
     uint at;       /* of W (n_out, n_in), and then b, in the parameters */
     uint how;
     uint n_cols;   /* backward: of the inputs that get gradients, the first */
-    uint n_params; /* of all layers */
+    uint base;     /* where the parameters of all layers of a pass begin */
+    uint n_params; /* of these layers */
     uint n_slabs;  /* of rows, each with a sum of its own */
     uint slab;     /* rows of a slab */
 };

@@ -11,7 +11,7 @@ layout(std430, set = 0, binding = 0) readonly buffer partial_block
 };
 layout(std430, set = 0, binding = 1) writeonly buffer sum_block
 {
-    float sum_of[]; /* (n_params) */
+    float sum_of[]; /* of all passes' parameters */
 };
 
 void main()
@@ -23,5 +23,5 @@ void main()
         return;
     for (uint s = 0; s < n_slabs; s++)
         sum += partial[s * n_params + k];
-    sum_of[k] = sum;
+    sum_of[base + k] = sum;
 }

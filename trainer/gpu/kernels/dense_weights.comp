@@ -29,11 +29,13 @@ void main()
     for (uint k = gl_LocalInvocationIndex; k < n_weights + n_out;
          k += THREADS) {
         const bool is_bias = k >= n_weights;
-        const uint o = is_bias ? k - n_weights : k / n_in, i = k % n_in;
+        /* A layer without inputs has only biases. */
+        const uint cols = max(n_in, 1), i = is_bias ? 0 : k % cols;
+        const uint o = is_bias ? k - n_weights : k / cols;
         float sum = 0;
 
         for (uint row = begin; row < end; row++)
             sum += dy[row * n_out + o] * (is_bias ? 1 : x[row * n_in + i]);
-        partial[group * n_params + at + k] = sum;
+        partial[group * n_params + at - base + k] = sum;
     }
 }

@@ -22,3 +22,9 @@ bool is_finite(float x)
 {
     return (floatBitsToUint(x) & 0x7f800000) != 0x7f800000;
 }
+
+/* basics/real.h: saga_inward */
+float inward(float d, float x, float lo, float hi)
+{
+    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
+}

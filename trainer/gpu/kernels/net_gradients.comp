@@ -7,50 +7,52 @@
 #extension GL_GOOGLE_include_directive : require
 #include "frame_buffer.glsl"
 
-layout(std430, set = 0, binding = 1) readonly buffer given_block
+layout(std430, set = 0, binding = 1) readonly buffer place_block
 {
-    float given[];
+    float place[]; /* (n, 4) */
 };
-layout(std430, set = 0, binding = 2) readonly buffer part_block
+layout(std430, set = 0, binding = 2) readonly buffer support_block
+{
+    float support[]; /* (n, 4) */
+};
+layout(std430, set = 0, binding = 3) readonly buffer part_block
 {
     uint part[];
 };
-layout(std430, set = 0, binding = 3) readonly buffer geo_block
+layout(std430, set = 0, binding = 4) readonly buffer geo_block
 {
     float geo[]; /* (n, n_geo) */
 };
-layout(std430, set = 0, binding = 4) readonly buffer colour_block
+layout(std430, set = 0, binding = 5) readonly buffer colour_block
 {
     float colour[]; /* (n, 3) */
 };
-layout(std430, set = 0, binding = 5) readonly buffer grad_block
+layout(std430, set = 0, binding = 6) readonly buffer grad_block
 {
     float grad[];
 };
-layout(std430, set = 0, binding = 6) writeonly buffer d_geo_block
+layout(std430, set = 0, binding = 7) writeonly buffer d_geo_block
 {
     float d_geo[]; /* (n, n_geo) */
 };
-layout(std430, set = 0, binding = 7) writeonly buffer d_colour_block
+layout(std430, set = 0, binding = 8) writeonly buffer d_colour_block
 {
     float d_colour[]; /* (n, 3) */
 };
-layout(std430, set = 0, binding = 8) writeonly buffer d_given_block
+layout(std430, set = 0, binding = 9) writeonly buffer d_place_block
 {
-    float d_given[]; /* (n, 4) of places, (n, 4) of log2 supports */
+    float d_place_of[]; /* (n, 4) */
+};
+layout(std430, set = 0, binding = 10) writeonly buffer d_log2_block
+{
+    float d_log2_of[]; /* (n, 4) of log2 supports */
 };
 
-#include "given.glsl"
+#include "parts.glsl"
 
 float gradient(uint i, uint attr, uint k)
 {
     return grad[f.attr_at[attr] + f.attr_width[attr] * i + k];
-}
-
-/* basics/real.h: saga_inward */
-float inward(float d, float x, float lo, float hi)
-{
-    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
 }
 
 /* Returns the gradient of the output x of a temporal centre; adds to those of
@@ -58,12 +60,12 @@ float inward(float d, float x, float lo, float hi)
 float centre_backward(uint i, float x, float d, inout vec4 d_place,
                       inout vec4 d_log2)
 {
-    const float t = place(i, 3) + support(i, 3) * x;
+    const float t = place[4 * i + 3] + support[4 * i + 3] * x;
     const float d_t = t > centre_lo && t < centre_hi ? d : 0;
 
     d_place[3] += d_t;
-    d_log2[3] += d_t * x * support(i, 3) * LN_2;
-    return d_t * support(i, 3);
+    d_log2[3] += d_t * x * support[4 * i + 3] * LN_2;
+    return d_t * support[4 * i + 3];
 }
 
 void main()
@@ -76,7 +78,7 @@ void main()
     for (uint k = 0; k < 3; k++) {
         d_place[k] = gradient(i, MEAN, k);
         if ((f.attrs >> SUPPORT & 1) != 0)
-            d_log2[k] = gradient(i, SUPPORT, k) * support(i, k) * LN_2;
+            d_log2[k] = gradient(i, SUPPORT, k) * support[4 * i + k] * LN_2;
         d_colour[3 * i + k] = inward(gradient(i, COLOUR, k),
                                      0.5 + colour[3 * i + k], 0, 1);
     }
@@ -93,7 +95,7 @@ void main()
         d_geo[at] = d;
     }
     for (uint k = 0; k < 4; k++) {
-        d_given[4 * i + k] = d_place[k];
-        d_given[4 * (n + i) + k] = d_log2[k];
+        d_place_of[4 * i + k] = d_place[k];
+        d_log2_of[4 * i + k] = d_log2[k];
     }
 }

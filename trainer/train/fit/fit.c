@@ -128,6 +128,15 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
+static bool add_rate_away(saga_fit *f, const saga_rate_input *x,
+                          const saga_rate_options *o, saga_error *error)
+{
+    f->is_rated_away = f->is_rated_away ||
+                       saga_away_put_rate(f->gpu, &f->rate, x, error);
+    return f->is_rated_away &&
+           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, x, o, error);
+}
+
 /* Adds the gradients of the rate at `price` for each bit, before
  * saga_twin_backward. In the first iteration that rounds, it also chooses the
  * sources. */
@@ -146,6 +155,9 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
     /* A quarter of the blocks is evaluated as a sample. All blocks are
      * evaluated in iterations that evaluate the memory bank's reads again. */
     saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
+    if (f->is_away && saga_away_can_rate(f->o.gpu, &f->rate, f->scene))
+        return add_rate_away(f, &x, &o, error);
+    f->is_rated_away = false;
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }

@@ -88,6 +88,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     /* The parameters, and the state of their optimisers. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     saga_fit_walk_descent(f, c);
+    f->is_rated_away = f->is_rated_away && !c->reading;
     walk_rate(c, &f->rate, f->scene);
     /* The steps of the weights are kept. The copies with noise are made
      * again. */

@@ -5,6 +5,7 @@
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H
 
+#include "away_rate.h"
 #include "block_adam.h"
 #include "fit.h"
 #include "fit_away.h"
@@ -47,6 +48,8 @@ struct saga_fit {
     real *level;          /* of saga_away_levels, or NULL */
     bool is_away;         /* the device runs the networks of primitives
                            * in this iteration */
+    bool is_rated_away;   /* the device has what the rate reads, and the
+                           * means of its last evaluations */
     saga_rate rate;
     double bits[SAGA_N_STEPS]; /* bits of each kind of step, at the last
                                 * iteration */

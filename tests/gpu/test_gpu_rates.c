@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The rate of residuals on a device against the host's float, whose gradients
+ * finite differences in double hold (test_rate_f64), and the cost of values
+ * against that in double. Both round, in different orders: bits may differ by
+ * 1e-5 and gradients by 1e-4 of a tensor's largest. SAGA_TEST_GPU is the number
+ * of the device; the first one is the default. Without a device the tests are
+ * skipped.
+ */
+#include "away_rate.h"
+#include "gpu_world.h"
+#include "near.h"
+#include "rate_bits.h"
+#include "rate_scene.h"
+#include "rate_values.h"
+
+#include <math.h>
+
+enum { DEPTH = 3 };
+
+TEST_GROUP(set_up_world, tear_down_world);
+
+/* --- Cases --------------------------------------------------------------- */
+
+/* A case: the sources that are kept, and what an iteration does. */
+typedef struct {
+    const char *name;
+    uint8_t keep[SAGA_N_KINDS];
+    bool has_classes, rounding;
+    uint32_t first, every;
+    real gain;       /* of the last layers, which values at bounds need */
+    uint8_t hyper_q; /* format of HYPER's outputs */
+} variant;
+
+enum { ALL = 7, HYPER = SAGA_SOURCE_HYPER, PARENT = SAGA_SOURCE_PARENT };
+
+static const variant variants[] = {
+    { "all sources", { ALL, ALL, ALL }, false, false, 0, 1, 1, 10 },
+    { "a quarter", { ALL, ALL, ALL }, false, true, 3, 4, 1, 10 },
+    { "classes", { ALL, 0, ALL }, true, false, 1, 4, 1, 10 },
+    { "some sources", { HYPER, PARENT, HYPER }, false, true, 0, 4, 1, 10 },
+    { "constants", { 0, 0, 0 }, false, false, 2, 4, 1, 10 },
+    { "bounds", { ALL, ALL, ALL }, false, false, 0, 1, 300, 15 },
+};
+
+static void make(rate_scene *f, const variant *v)
+{
+    saga_model m;
+
+    rate_scene_model(&m);
+    m.out_q[SAGA_OUT_HYPER] = v->hyper_q;
+    if (v->has_classes)
+        rate_scene_classes(&m);
+    rate_scene_make_own(f, &m, DEPTH);
+    memcpy(f->r.context.keep, v->keep, sizeof v->keep);
+    f->o.first = v->first;
+    f->o.every = v->every;
+    f->o.rounding = v->rounding;
+    for (int i = 0; i < SAGA_NET_FUSE_C; i++) {
+        const saga_net *const net = &f->s.net[i];
+        const int last = net->n_layers - 1;
+        const size_t n = (size_t)(net->dim[last] + 1) *
+                         (size_t)net->dim[last + 1];
+
+        for (size_t k = 0; k < n; k++)
+            net->w[last][k] *= v->gain;
+    }
+}
+
+static saga_rate_input input_of(rate_scene *f)
+{
+    return (saga_rate_input){ &f->s, &f->w, f->s.coarse_feature };
+}
+
+static void rate_away(double bits[SAGA_N_STEPS], saga_gpu *gpu,
+                      saga_gpu_canvas *g, rate_scene *f)
+{
+    const saga_rate_input x = input_of(f);
+
+    assert_true(saga_away_can_rate(gpu, &f->r, &f->s));
+    assert_done(saga_away_put_rate(g, &f->r, &x, &error));
+    assert_done(saga_away_rate(bits, g, &f->r, &f->d, &x, &f->o, &error));
+}
+
+/* --- Comparisons --------------------------------------------------------- */
+
+/* A mean is rounded to its format, in which it may differ by a unit. */
+static bool means_are_near(const char *name, const real *x, const real *y,
+                           size_t n, real unit)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!(fabsf(x[i] - y[i]) <= R(1.01) * unit)) {
+            print_error("%s, mean %zu: %g rather than %g\n", name, i,
+                        (double)x[i], (double)y[i]);
+            return false;
+        }
+    return true;
+}
+
+static bool nets_are_near(const char *name, const rate_scene *a,
+                          const rate_scene *b)
+{
+    bool ok = true;
+
+    for (int net = 0; net < SAGA_NET_FUSE_C; net++) {
+        const saga_net *const d = &b->d.net[net];
+
+        if (d->n_layers)
+            ok = is_near(name, "a network", a->d.net[net].w[0], d->w[0],
+                         saga_net_n_params(d), 1e-4) &&
+                 ok;
+    }
+    return ok;
+}
+
+static bool agree(saga_gpu *gpu, saga_gpu_canvas *g, const variant *v)
+{
+    FREED_BY(rate_scene_free) rate_scene host, away;
+    double bits[2][SAGA_N_STEPS];
+    saga_rate_input x;
+    size_t n, f;
+    bool ok = true;
+
+    make(&host, v);
+    make(&away, v);
+    n = host.s.n.coarse;
+    f = host.s.model.features;
+    x = input_of(&host);
+    saga_rate_add(bits[0], &host.r, &host.d, &x, &host.o);
+    rate_away(bits[1], gpu, g, &away);
+    for (int k = 0; k < SAGA_N_STEPS; k++)
+        ok = is_near(v->name, "bits", &(real){ R(bits[1][k]) },
+                     &(real){ R(bits[0][k]) }, 1, 1e-5) &&
+             ok;
+    ok = is_near(v->name, "features", away.d.coarse_feature,
+                 host.d.coarse_feature, n * f, 1e-4) &&
+         ok;
+    ok = is_near(v->name, "fine features", away.w.d_fine_feature,
+                 host.w.d_fine_feature, n * f, 1e-4) &&
+         ok;
+    ok = is_near(v->name, "positions", away.d.prim_x, host.d.prim_x, 4 * n,
+                 1e-4) &&
+         ok;
+    ok = is_near(v->name, "supports", away.w.d_log2_support,
+                 host.w.d_log2_support, 4 * n, 1e-4) &&
+         ok;
+    ok = nets_are_near(v->name, &away, &host) && ok;
+    ok = means_are_near(v->name, away.r.mu_feature, host.r.mu_feature, n * f,
+                        R(1) / 1024) &&
+         ok;
+    ok = means_are_near(v->name, away.r.mu_offset, host.r.mu_offset, 4 * n,
+                        R(1) / 16384) &&
+         ok;
+    return ok;
+}
+
+/* All use one canvas, whose buffers have the values of the case before. */
+TEST(rates_should_agree_with_the_host)
+{
+    world *const w = world_of(state);
+    saga_gpu_canvas *g;
+    bool ok = true;
+
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
+        ok = agree(w->gpu, g, &variants[i]) && ok;
+    saga_gpu_canvas_free(g);
+    assert_true(ok);
+}
+
+/* Values from the mean to tens of thousands of steps off, under deviations from
+ * the coder's first scale to its last. */
+TEST(a_cost_should_be_that_of_double)
+{
+    world *const w = world_of(state);
+    saga_gpu_canvas *g;
+    const variant v = { "", { 0, 0, 0 }, false, true, 0, 1, 1, 10 };
+    FREED_BY(rate_scene_free) rate_scene f;
+    double bits[SAGA_N_STEPS], sum = 0;
+    saga_rate_constants c = { .mean = { { 0 } } };
+    real *slope;
+    size_t n_features, n;
+
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    make(&f, &v);
+    n_features = f.s.model.features;
+    n = (size_t)f.s.n.coarse * n_features;
+    slope = zeroed(n, sizeof *slope);
+    for (size_t k = 0; k < 4 + n_features; k++)
+        c.log2_sigma[SAGA_KIND_COARSE][k] = R(
+            SAGA_RATE_LOG2_MIN + (SAGA_RATE_LOG2_MAX - SAGA_RATE_LOG2_MIN) *
+                                     (double)k / (double)(3 + n_features));
+    saga_rate_give(&f.r, &c);
+    for (size_t i = 0; i < n; i++) {
+        const double step = saga_rate_step_size(&f.s.model, SAGA_KIND_COARSE,
+                                                4);
+        const size_t block = i / n_features;
+        const double steps = (block % 2 ? -1 : 1) *
+                             exp2((double)block / 32 - 2);
+        const real y = f.s.coarse_feature[i] = R(steps * step);
+        const saga_rate_cost cost = saga_rate_bits(
+            (double)y / step,
+            (double)c.log2_sigma[SAGA_KIND_COARSE][4 + i % n_features]);
+
+        sum += cost.bits;
+        slope[i] = R((double)f.o.weight * cost.d_v / step);
+    }
+    rate_away(bits, w->gpu, g, &f);
+    saga_gpu_canvas_free(g);
+    assert_true(is_near("double", "bits", &(real){ R(bits[SAGA_STEP_FEATURE]) },
+                        &(real){ R(sum) }, 1, 1e-5));
+    assert_true(
+        is_near("double", "features", f.d.coarse_feature, slope, n, 1e-4));
+    free(slope);
+}

@@ -1,0 +1,498 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Kinds are evaluated one after the other, each forward and back, so that they
+ * share the buffers of layers. The parameters of HYPER are there once for each
+ * kind that reads it.
+ */
+#include "gpu_rates.h"
+
+#include "alloc.h"
+#include "gpu_columns.h"
+#include "gpu_layers.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char what[] = "the entropy model";
+
+/* Numbers of a block that describe its size, and of a fine anchor's offset
+ * (rate_block.h). */
+enum { SIZES = 5, OFFSETS = 5 };
+
+enum { MOST_WAYS = 32 };
+
+/* log2 sigma of the coder's first and last scale (rate_bits.h). */
+#define LOG2_MIN (R(-22) / 7)
+#define LOG2_MAX (R(41) / 7)
+
+/* --- Kinds --------------------------------------------------------------- */
+
+/* The layers of a kind: those of HYPER, those of its network, and the sums of
+ * its bits. */
+typedef struct {
+    saga_gpu_layers layers;
+    int n_hyper;
+    uint32_t n_channels, learned; /* the first channel that learns */
+} kind_run;
+
+typedef struct {
+    const saga_gpu_rates *r;
+    uint32_t n_rows;
+    kind_run kind[SAGA_N_KINDS];
+    saga_gpu_way up[MOST_WAYS], down[MOST_WAYS];
+    int n_up, n_down;
+} rating;
+
+static uint32_t n_channels(size_t features, int kind)
+{
+    return kind == SAGA_KIND_COARSE ? 4 + (uint32_t)features : 4;
+}
+
+/* Anchors stay where they are, so of their positions nothing learns. */
+static uint32_t first_learned(int kind)
+{
+    return kind == SAGA_KIND_PRIM ? 0 : 4;
+}
+
+static uint32_t n_learned(size_t features, int kind)
+{
+    return n_channels(features, kind) - first_learned(kind);
+}
+
+static bool has_hyper(const saga_gpu_rate_kind *k)
+{
+    return k->net->dim[0] > 0 && k->keep & k->sources & SAGA_SOURCE_HYPER;
+}
+
+static void list_kind(rating *s, int kind, uint32_t base)
+{
+    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
+    kind_run *const to = &s->kind[kind];
+    saga_gpu_layers *const l = &to->layers;
+
+    to->n_channels = n_channels(s->r->features, kind);
+    to->learned = first_learned(kind);
+    *l = saga_gpu_layers_of(s->n_rows, 0, base);
+    if (has_hyper(k))
+        saga_gpu_layers_append(
+            l, k->hyper, (saga_gpu_layer){ .x = GPU_HYPER_IN, .d_x = -1 });
+    to->n_hyper = l->n;
+    saga_gpu_layers_append(
+        l, k->net,
+        (saga_gpu_layer){ .x = GPU_RATE_IN,
+                          .d_x = k->net->dim[0] ? GPU_D_RATE_IN : -1,
+                          .n_cols = (uint32_t)k->net->dim[0] });
+    saga_gpu_layers_append_sums(l, GPU_BITS, to->n_channels);
+}
+
+static void list_kinds(rating *s, const saga_gpu_rates *r)
+{
+    uint32_t base = 0;
+
+    *s = (rating){ .r = r };
+    s->n_rows = r->first < r->n ? (r->n - r->first + r->every - 1) / r->every
+                                : 0;
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
+        list_kind(s, k, base);
+        base += s->kind[k].layers.n_params;
+    }
+}
+
+bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r)
+{
+    const size_t most = saga_gpu_most(gpu) / sizeof(real);
+    size_t widest = 2 * (4 + r->features), n_params = 0, dim;
+
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
+        const saga_net *const nets[] = { r->kind[k].net, r->kind[k].hyper };
+
+        if (nets[0]->n_layers + nets[1]->n_layers + 1 > SAGA_GPU_MOST_LAYERS ||
+            r->kind[k].sources & r->kind[k].keep & SAGA_SOURCE_BANK)
+            return false;
+        for (int i = 0; i < 2; i++)
+            for (int l = 0; l < nets[i]->n_layers; l++) {
+                dim = (size_t)nets[i]->dim[l];
+                widest = dim > widest ? dim : widest;
+                n_params += (dim + 1) * (size_t)nets[i]->dim[l + 1];
+            }
+    }
+    return r->n * widest <= most && saga_gpu_layers_fit(gpu, n_params);
+}
+
+/* --- Ways ---------------------------------------------------------------- */
+
+static void go_up(rating *s, int buffer, size_t n, const void *from)
+{
+    s->up[s->n_up++] = (saga_gpu_way){ .buffer = buffer, .n = n, .from = from };
+}
+
+static void come_down(rating *s, int buffer, size_t n, real *to, bool replaces)
+{
+    s->down[s->n_down++] = (saga_gpu_way){
+        .buffer = buffer, .n = n, .to = to, .replaces = replaces
+    };
+}
+
+static void take_net(rating *s, size_t *at, const saga_net *net,
+                     const saga_net *d)
+{
+    saga_gpu_layers_ways(&s->up[s->n_up++], &s->down[s->n_down++], at, net, d);
+}
+
+static void list_ways(rating *s)
+{
+    const saga_gpu_rates *const r = s->r;
+    const size_t n = r->n, f = n * r->features;
+
+    go_up(s, GPU_COARSE, f, r->coarse);
+    go_up(s, GPU_FEATURE, f, r->fine);
+    go_up(s, GPU_SIZE + SAGA_KIND_PRIM, SIZES * n, r->size);
+    go_up(s, GPU_VALUE4 + SAGA_KIND_PRIM, 4 * n, r->value);
+    come_down(s, GPU_D_COARSE, f, r->d_coarse, false);
+    come_down(s, GPU_D_FEATURE, f, r->d_fine, false);
+    come_down(s, GPU_D_OFFSET, 4 * n, r->d_value, false);
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
+        const saga_gpu_rate_kind *const kind = &r->kind[k];
+        const uint32_t channels = s->kind[k].n_channels;
+        size_t at = s->kind[k].layers.base;
+
+        go_up(s, GPU_SCALE + k, 3 * channels, kind->scale);
+        if (has_hyper(kind))
+            take_net(s, &at, kind->hyper, kind->d_hyper);
+        take_net(s, &at, kind->net, kind->d_net);
+        come_down(s, GPU_D_PARAM, channels, r->bits[k], true);
+        s->down[s->n_down - 1].at = at;
+        if (k != SAGA_KIND_FINE)
+            come_down(s, GPU_MU + k, n * n_learned(r->features, k), r->mu[k],
+                      true);
+    }
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+static bool room(saga_gpu_canvas *g, int buffer, size_t n, saga_error *error)
+{
+    return saga_gpu_room(g, buffer, n * sizeof(real), what, error);
+}
+
+static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
+{
+    const size_t n = s->r->n, rows = s->n_rows, f = s->r->features;
+
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
+        const saga_gpu_rate_kind *const kind = &s->r->kind[k];
+        const size_t dim = (size_t)kind->net->dim[0];
+        const size_t channels = s->kind[k].n_channels;
+
+        if (!saga_gpu_layers_room(g, &s->kind[k].layers, what, error) ||
+            !room(g, GPU_RATE_IN, rows * dim, error) ||
+            !room(g, GPU_D_RATE_IN, rows * dim, error) ||
+            !room(g, GPU_HYPER_IN, rows * (size_t)kind->hyper->dim[0], error) ||
+            !room(g, GPU_BITS, rows * channels, error))
+            return false;
+    }
+    return room(g, GPU_D_COARSE, n * f, error) &&
+           room(g, GPU_D_FEATURE, n * f, error) &&
+           room(g, GPU_D_OFFSET, 4 * n, error) &&
+           saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
+           saga_gpu_ways_back(g, s->down, s->n_down, what, error);
+}
+
+/* --- Sources ------------------------------------------------------------- */
+
+/* What a source of a kind reads, and where its gradients go. */
+typedef struct {
+    int from, to; /* buffers; to -1: nothing learns from it */
+    uint32_t have;
+    int links; /* or -1 */
+} reading;
+
+static reading reading_of(const rating *s, int kind, uint32_t source)
+{
+    const uint32_t f = (uint32_t)s->r->features;
+
+    if (source == SAGA_SOURCE_PARENT)
+        return kind == SAGA_KIND_FINE
+                   ? (reading){ GPU_COARSE, GPU_D_COARSE, f,
+                                SAGA_GPU_FINE_PARENT }
+                   : (reading){ GPU_FEATURE, GPU_D_FEATURE, f, -1 };
+    return kind == SAGA_KIND_COARSE ? (reading){ GPU_COARSE, GPU_D_COARSE, f,
+                                                 SAGA_GPU_COARSE_GROUPS }
+                                    : (reading){ GPU_FINE_OFFSET, -1, OFFSETS,
+                                                 SAGA_GPU_FINE_GROUPS };
+}
+
+/* Returns the columns of the next source of a kind, and moves *at behind
+ * them. */
+static saga_gpu_columns next_columns(const rating *s, int kind, uint32_t *at)
+{
+    const saga_gpu_rates *const r = s->r;
+    const saga_gpu_columns c = { .n_rows = s->n_rows,
+                                 .n = (uint32_t)r->features,
+                                 .dim = (uint32_t)r->kind[kind].net->dim[0],
+                                 .at = *at,
+                                 .first = r->first,
+                                 .every = r->every,
+                                 .most = r->kind[kind].most };
+
+    *at += c.n;
+    return c;
+}
+
+/* The outputs of HYPER have a row for each row of the inputs, and bounds of
+ * their own. */
+static saga_gpu_columns of_hyper(saga_gpu_columns c, real read_most)
+{
+    c.first = 0;
+    c.every = 1;
+    c.most = c.most < read_most ? c.most : read_most;
+    return c;
+}
+
+static void hyper_forward(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    const saga_gpu_rates *const r = s->r;
+    const kind_run *const k = &s->kind[kind];
+    saga_gpu_columns c = { .n_rows = s->n_rows,
+                           .n = 8 * (uint32_t)r->octaves,
+                           .dim = (uint32_t)r->kind[kind].hyper->dim[0],
+                           .first = r->first,
+                           .every = r->every,
+                           .most = r->kind[kind].hyper_most };
+
+    saga_gpu_embed(g, &c, GPU_PHASE + kind, GPU_HYPER_IN);
+    c.at = c.n;
+    c.n = SIZES;
+    saga_gpu_gather(g, &c, GPU_SIZE + kind, SIZES, -1, GPU_HYPER_IN);
+    saga_gpu_layers_forward(g, &k->layers, 0, k->n_hyper);
+}
+
+static void sources_forward(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
+    uint32_t at = 0;
+
+    for (uint32_t source = 1; source < SAGA_SOURCE_BANK; source <<= 1) {
+        saga_gpu_columns c;
+        reading of;
+
+        if (!(k->sources & source))
+            continue;
+        c = next_columns(s, kind, &at);
+        of = reading_of(s, kind, source);
+        if (!(k->keep & source)) {
+            of.have = 0;
+            of.links = -1;
+        } else if (source == SAGA_SOURCE_HYPER) {
+            hyper_forward(g, s, kind);
+            c = of_hyper(c, k->read_most);
+            of = (reading){ .from = GPU_LAYER + s->kind[kind].n_hyper - 1,
+                            .have = c.n,
+                            .links = -1 };
+        }
+        saga_gpu_gather(g, &c, of.from, of.have, of.links, GPU_RATE_IN);
+    }
+}
+
+static void sources_backward(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
+    uint32_t at = 0;
+
+    for (uint32_t source = 1; source < SAGA_SOURCE_BANK; source <<= 1) {
+        saga_gpu_columns c;
+        saga_gpu_target t;
+        reading of;
+
+        if (!(k->sources & source))
+            continue;
+        c = next_columns(s, kind, &at);
+        of = reading_of(s, kind, source);
+        t = (saga_gpu_target){ of.to, s->r->n, of.links, true };
+        if (source == SAGA_SOURCE_HYPER) {
+            c = of_hyper(c, k->read_most);
+            t = (saga_gpu_target){ GPU_D_LAYER + s->kind[kind].n_hyper - 1,
+                                   s->n_rows, -1, false };
+        }
+        if (k->keep & source && t.to >= 0)
+            saga_gpu_scatter(g, &c, GPU_RATE_IN, GPU_D_RATE_IN, &t);
+    }
+}
+
+/* --- Recording ----------------------------------------------------------- */
+
+/* rate_cost.comp */
+static void record_cost(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    const saga_gpu_rates *const r = s->r;
+    const kind_run *const k = &s->kind[kind];
+    const saga_gpu_layer *const last = &k->layers.list[k->layers.n - 2];
+    const uint64_t key = r->kind[kind].key;
+    const real reals[] = { r->weight, r->kind[kind].mu_scale, LOG2_MIN,
+                           LOG2_MAX };
+    const bool learns = k->learned < k->n_channels;
+    const bool is_prim = kind == SAGA_KIND_PRIM;
+    uint32_t push[13] = { s->n_rows,
+                          k->n_channels,
+                          r->first,
+                          r->every,
+                          k->learned,
+                          r->rounding,
+                          !r->rounding && !is_prim,
+                          (uint32_t)key,
+                          (uint32_t)(key >> 32) };
+
+    memcpy(push + 9, reals, sizeof reals);
+    saga_gpu_do_with(g, SAGA_KERNEL_RATE_COST,
+                     saga_gpu_groups((size_t)s->n_rows * k->n_channels),
+                     (int[]){ last->y, GPU_SCALE + kind, GPU_VALUE4 + kind,
+                              GPU_COARSE, GPU_SPAN, last->d_y, GPU_BITS,
+                              learns ? GPU_MU + kind : GPU_D_OFFSET,
+                              is_prim ? GPU_D_OFFSET : GPU_D_COARSE, -1 },
+                     push, 13);
+}
+
+static void record_kind(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    const kind_run *const k = &s->kind[kind];
+    const saga_gpu_layers *const l = &k->layers;
+
+    if (s->r->kind[kind].net->dim[0])
+        sources_forward(g, s, kind);
+    saga_gpu_layers_forward(g, l, k->n_hyper, l->n - 1);
+    record_cost(g, s, kind);
+    saga_gpu_layers_backward(g, l, k->n_hyper, l->n);
+    if (s->r->kind[kind].net->dim[0])
+        sources_backward(g, s, kind);
+    saga_gpu_layers_backward(g, l, 0, k->n_hyper);
+    saga_gpu_layers_sum(g, l);
+}
+
+static void clear(saga_gpu_canvas *g, int buffer, size_t n)
+{
+    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
+}
+
+bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
+                   saga_error *error)
+{
+    rating s;
+
+    list_kinds(&s, r);
+    list_ways(&s);
+    if (!make_room(g, &s, error))
+        return false;
+    saga_gpu_ways_pack(g, s.up, s.n_up);
+    saga_gpu_begin(g->gpu);
+    saga_gpu_ways_send(g, s.up, s.n_up);
+    clear(g, GPU_D_COARSE, r->n * r->features);
+    clear(g, GPU_D_FEATURE, r->n * r->features);
+    clear(g, GPU_D_OFFSET, 4 * (size_t)r->n);
+    for (int k = 0; k < SAGA_N_KINDS; k++)
+        record_kind(g, &s, k);
+    saga_gpu_ways_fetch(g, s.down, s.n_down);
+    if (!saga_gpu_finish(g->gpu, error))
+        return false;
+    saga_gpu_ways_take(g, s.down, s.n_down);
+    return true;
+}
+
+/* --- What stays ---------------------------------------------------------- */
+
+/* Returns words as links.glsl reads them, to be freed, or NULL with *error set.
+ * Without links there are n blocks that have none. */
+static uint32_t *pack_links(const saga_gpu_links *l, uint32_t n,
+                            saga_error *error)
+{
+    const uint32_t n_links = l->begin ? l->begin[n] : 0;
+    uint32_t *const to = saga_calloc(n + 1 + 2 * (size_t)n_links, sizeof *to,
+                                     what, error);
+
+    if (!to || !l->begin)
+        return to;
+    memcpy(to, l->begin, (n + 1) * sizeof *to);
+    memcpy(to + n + 1, l->rank, n_links * sizeof *to);
+    memcpy(to + n + 1 + n_links, l->weight, n_links * sizeof *to);
+    return to;
+}
+
+/* The same, with the readers of each block in their order. */
+static uint32_t *pack_readers(const saga_gpu_links *l, uint32_t n,
+                              saga_error *error)
+{
+    const uint32_t n_links = l->begin ? l->begin[n] : 0;
+    uint32_t *const to = saga_calloc(n + 1 + 2 * (size_t)n_links, sizeof *to,
+                                     what, error);
+    uint32_t *reader;
+
+    if (!to || !l->begin)
+        return to;
+    reader = to + n + 1;
+    /* Counts, one place further than they belong, then sums of them; with each
+     * reader that is placed a begin moves to the next one's. */
+    for (uint32_t i = 0; i < n_links; i++)
+        if (l->rank[i] + 2 <= n)
+            to[l->rank[i] + 2]++;
+    for (uint32_t i = 2; i <= n; i++)
+        to[i] += to[i - 1];
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t k = l->begin[i]; k < l->begin[i + 1]; k++) {
+            const uint32_t at = to[l->rank[k] + 1]++;
+
+            reader[at] = i;
+            memcpy(reader + n_links + at, l->weight + k, sizeof *to);
+        }
+    return to;
+}
+
+static bool put_links(saga_gpu_canvas *g, int set, const saga_gpu_rate_scene *s,
+                      saga_error *error)
+{
+    const saga_gpu_links *const l = &s->links[set];
+    const uint32_t n_links = l->begin ? l->begin[s->n] : 0;
+    const size_t words = s->n + 1 + 2 * (size_t)n_links;
+    uint32_t *const there = pack_links(l, s->n, error);
+    uint32_t *const back = there ? pack_readers(l, s->n, error) : NULL;
+    const saga_gpu_way ways[] = {
+        { .buffer = GPU_LINKS + set, .n = words, .from = there },
+        { .buffer = GPU_READERS + set, .n = words, .from = back }
+    };
+    const bool ok = back && saga_gpu_ways_put(g, ways, 2, what, error);
+
+    g->n_linked = s->n;
+    g->n_links[set] = n_links;
+    free(there);
+    free(back);
+    return ok;
+}
+
+bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
+                        saga_error *error)
+{
+    const size_t n = s->n;
+    saga_gpu_way ways[2 + 4 * SAGA_N_KINDS] = {
+        { .buffer = GPU_SPAN, .n = n, .from = s->span },
+        { .buffer = GPU_FINE_OFFSET, .n = OFFSETS * n, .from = s->fine_offset }
+    };
+    int n_ways = 2;
+
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
+        const saga_gpu_way all[] = {
+            { .buffer = GPU_PHASE + k, .n = 4 * n, .from = s->phase[k] },
+            { .buffer = GPU_SIZE + k, .n = SIZES * n, .from = s->size[k] },
+            { .buffer = GPU_VALUE4 + k, .n = 4 * n, .from = s->value[k] },
+            { .buffer = GPU_MU + k,
+              .n = n * n_learned(s->features, k),
+              .from = s->mu[k] }
+        };
+
+        for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
+            if (all[i].from)
+                ways[n_ways++] = all[i];
+    }
+    for (int set = 0; set < SAGA_GPU_N_LINKS; set++)
+        if (!put_links(g, set, s, error))
+            return false;
+    return saga_gpu_ways_put(g, ways, n_ways, what, error);
+}

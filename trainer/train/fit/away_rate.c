@@ -1,0 +1,248 @@
+/* SPDX-License-Identifier: MIT */
+#include "away_rate.h"
+
+#include "alloc.h"
+#include "rate_values.h"
+#include "rng.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char what[] = "the rate of anchors";
+
+enum { MOST_CHANNELS = 4 + SAGA_MAX_FEATURES };
+
+/* --- Kinds --------------------------------------------------------------- */
+
+/* What a kind reads, and what comes of it. */
+typedef struct {
+    saga_net constants, d_constants;
+    real biases[2 * MOST_CHANNELS], d_biases[2 * MOST_CHANNELS];
+    real scale[MOST_CHANNELS][3]; /* unit of mu, its bound, step */
+    real bits[MOST_CHANNELS];
+} channels;
+
+static void set_scale(channels *c, const saga_model *m, int kind,
+                      bool has_network)
+{
+    for (size_t i = 0; i < saga_n_channels(m, kind); i++) {
+        real *const scale = c->scale[i];
+
+        /* Constants are in the value's unit, and not clamped. */
+        scale[0] = has_network ? saga_rate_mu_unit(m, kind, i) : 1;
+        scale[1] = has_network ? saga_rate_most(saga_rate_value_q(m, kind, i))
+                               : FLT_MAX;
+        if (saga_rate_is_anchor(kind, i))
+            scale[0] = scale[1] = 0;
+        scale[2] = R(saga_rate_step_size(m, kind, i));
+    }
+}
+
+/* Makes a network without inputs of a kind's constants. */
+static void set_constants(channels *c, const saga_rate *r, size_t n, int kind)
+{
+    const saga_net net = { .n_layers = 1, .dim = { 0, 2 * (int)n } };
+
+    for (size_t i = 0; i < n; i++) {
+        c->biases[i] = r->constants.mean[kind][i];
+        c->biases[n + i] = r->constants.log2_sigma[kind][i];
+    }
+    c->constants = c->d_constants = net;
+    saga_net_bind(&c->constants, c->biases);
+    saga_net_bind(&c->d_constants, c->d_biases);
+}
+
+static saga_gpu_rate_kind kind_of(channels *c, const saga_rate *r,
+                                  const saga_scene *s, saga_scene *d, int kind)
+{
+    const saga_model *const m = &s->model;
+    const int net = SAGA_NET_E_COARSE + kind;
+    const size_t n = saga_n_channels(m, kind);
+    saga_gpu_rate_kind k = {
+        .net = &s->net[net],
+        .hyper = &s->net[SAGA_NET_HYPER],
+        .d_net = &d->net[net],
+        .d_hyper = &d->net[SAGA_NET_HYPER],
+        .sources = m->sources[kind],
+        .keep = r->context.keep[kind],
+        .scale = c->scale[0],
+        .mu_scale = R(1 << saga_rate_value_q(m, kind, n - 1)),
+        .most = saga_rate_most(m->q_in[net]),
+        .hyper_most = saga_rate_most(m->q_in[SAGA_NET_HYPER]),
+        .read_most = saga_rate_most(m->out_q[SAGA_OUT_HYPER])
+    };
+    const bool has_network = saga_rate_sources(&r->context, s, kind) != 0;
+
+    set_scale(c, m, kind, has_network);
+    if (!has_network) {
+        set_constants(c, r, n, kind);
+        k.net = &c->constants;
+        k.d_net = &c->d_constants;
+    }
+    return k;
+}
+
+/* Sets all but what values and gradients an iteration has. */
+static void set_kinds(saga_gpu_rates *to, channels c[SAGA_N_KINDS],
+                      const saga_rate *r, const saga_scene *s, saga_scene *d)
+{
+    *to = (saga_gpu_rates){ .n = s->n.coarse,
+                            .every = 1,
+                            .features = s->model.features,
+                            .octaves = s->model.octaves };
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
+        to->kind[kind] = kind_of(&c[kind], r, s, d, kind);
+        to->bits[kind] = c[kind].bits;
+    }
+}
+
+bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
+                        const saga_scene *s)
+{
+    channels c[SAGA_N_KINDS];
+    saga_scene d = *s;
+    saga_gpu_rates rates;
+    bool own = s->n.coarse == s->n.fine && s->n.fine == s->n.prim;
+
+    for (uint32_t i = 0; i < s->n.prim && own; i++)
+        own = s->prim_fine[i] == i && s->fine[i].parent == i;
+    set_kinds(&rates, c, r, s, &d);
+    return own && saga_gpu_can_rate(gpu, &rates);
+}
+
+/* --- What stays ---------------------------------------------------------- */
+
+static saga_gpu_links links_of(const saga_links *l)
+{
+    return (saga_gpu_links){ .begin = l->n ? l->begin : NULL,
+                             .rank = l->rank,
+                             .weight = l->weight };
+}
+
+bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
+                        const saga_rate_input *x, saga_error *error)
+{
+    const saga_scene *const s = x->scene;
+    const size_t n = s->n.coarse;
+    const saga_rate_kind *const kind = r->context.kind;
+    const saga_rate_kind *const coarse = &kind[SAGA_KIND_COARSE];
+    const saga_rate_kind *const fine = &kind[SAGA_KIND_FINE];
+    uint32_t *const span = saga_calloc(n, sizeof *span, what, error);
+    real *const offset = saga_calloc(n, 4 * sizeof *offset, what, error);
+    const saga_gpu_rate_scene to = {
+        .n = s->n.coarse,
+        .features = s->model.features,
+        .span = span,
+        .fine_offset = r->offset,
+        .value = { r->centre, offset },
+        .phase = { coarse->phase, fine->phase, x->twin->fine_phase },
+        .size = { coarse->size, fine->size },
+        .links = { [SAGA_GPU_COARSE_GROUPS] = links_of(&coarse->groups),
+                   [SAGA_GPU_FINE_GROUPS] = links_of(&fine->groups),
+                   [SAGA_GPU_FINE_PARENT] = links_of(&fine->parent) },
+        .mu = { r->mu_feature, NULL, r->mu_offset }
+    };
+    bool ok = span && offset;
+
+    for (size_t i = 0; i < n && ok; i++) {
+        const saga_class has = saga_scene_class(s, i);
+
+        span[i] = has.first + 256u * has.n;
+        for (size_t k = 0; k < 4; k++)
+            offset[4 * i + k] = r->offset[SAGA_RATE_OFFSETS * i + k];
+    }
+    ok = ok && saga_gpu_put_rates(g, &to, error);
+    free(span);
+    free(offset);
+    return ok;
+}
+
+/* --- An iteration -------------------------------------------------------- */
+
+static void set_values(real *value, const saga_rate *r,
+                       const saga_rate_input *x)
+{
+    for (size_t i = 0; i < x->scene->n.prim; i++) {
+        double y[SAGA_RATE_ROW];
+
+        saga_rate_read_block(y, r, x, SAGA_KIND_PRIM, i);
+        for (size_t k = 0; k < 4; k++)
+            value[4 * i + k] = R(y[k]);
+    }
+}
+
+static void learn_offsets(saga_scene *d, const saga_rate_input *x,
+                          const real *d_value)
+{
+    for (size_t i = 0; i < x->scene->n.prim; i++)
+        for (size_t k = 0; k < 4; k++)
+            saga_rate_learn_offset(d, x->twin, i, i, k,
+                                   (double)d_value[4 * i + k]);
+}
+
+static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
+                     const saga_model *m)
+{
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (size_t c = 0; c < saga_n_channels(m, kind); c++)
+            bits[saga_rate_step_of(kind, c)] += r->every *
+                                                (double)r->bits[kind][c];
+}
+
+/* As saga_away_rate, with memory for values of primitives and their gradients,
+ * which are 0. */
+static bool rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
+                 saga_gpu_rates *to, const saga_rate_input *x,
+                 saga_error *error)
+{
+    saga_rate_kind *const prim = &r->context.kind[SAGA_KIND_PRIM];
+
+    for (uint32_t i = 0; i < to->n; i++)
+        saga_rate_place_prims(prim, x->scene, x->twin, &i, 1);
+    to->size = prim->size;
+    to->coarse = x->feature;
+    to->fine = x->twin->fine_feature;
+    to->d_fine = x->twin->d_fine_feature;
+    to->mu[SAGA_KIND_COARSE] = r->mu_feature;
+    to->mu[SAGA_KIND_PRIM] = r->mu_offset;
+    if (!saga_gpu_rate(g, to, error))
+        return false;
+    add_bits(bits, to, &x->scene->model);
+    return true;
+}
+
+bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
+                    saga_scene *d, const saga_rate_input *x,
+                    const saga_rate_options *o, saga_error *error)
+{
+    const saga_scene rounded = saga_rate_rounded(r, x->scene);
+    const saga_rate_input y = { &rounded, x->twin, x->feature };
+    const size_t n = 4 * (size_t)rounded.n.prim;
+    real *const value = saga_calloc(2 * n, sizeof *value, what, error);
+    channels c[SAGA_N_KINDS];
+    saga_gpu_rates to;
+    bool ok;
+
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    if (!value)
+        return false;
+    set_values(value, r, &y);
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        saga_rate_measure_again(r, &y, kind);
+    set_kinds(&to, c, r, &rounded, d);
+    to.first = o->first;
+    to.every = o->every;
+    to.rounding = o->rounding;
+    to.weight = o->weight * R(o->every);
+    to.value = value;
+    to.d_value = value + n;
+    to.d_coarse = d->coarse_feature;
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
+    ok = rate(bits, g, r, &to, &y, error);
+    if (ok)
+        learn_offsets(d, &y, to.d_value);
+    free(value);
+    return ok;
+}
