@@ -761,11 +761,11 @@ expect 0 check "$tmp/wide"
     '    with pictures reduced to 1/2 of their size, to save time' ] &&
     [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
-# Four cameras that are 16 degrees apart must be trained with teachers, except
+# Three cameras that are 24 degrees apart must be trained with teachers, except
 # by the preset fast. Two teachers take half of the time in addition for a
-# still, and a fifth for frames that may move.
+# still, and two fifths for frames that may move.
 for n_moments in 1 2; do
-    expect 0 synth "$tmp/apart$n_moments" --size 40x25 --cameras 4 --hold-out 0 \
+    expect 0 synth "$tmp/apart$n_moments" --size 40x25 --cameras 3 --hold-out 0 \
         --frames $n_moments --samples 1 --depth-every 0 --points 100
     expect 0 check "$tmp/apart$n_moments" --json
     mv "$tmp/out" "$tmp/teachers$n_moments"
@@ -773,7 +773,7 @@ done
 python3 - "$tmp"/teachers1 "$tmp"/teachers2 >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, sys
 
-for name, part in zip(sys.argv[1:], (1 / 4, 1 / 10)):
+for name, part in zip(sys.argv[1:], (1 / 4, 1 / 5)):
     for f, n in zip(json.load(open(name))["forecast"], (0, 2, 2)):
         minutes = f["n_iterations"] / 12000 * (
             0.2705 * f["n_primitives"] / 1000 + 0.44 * 1000 / 100000)

@@ -9,7 +9,7 @@
 #include "novel.h"
 #include "testing.h"
 
-enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 2 };
+enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 4 };
 
 #define DISTANCE 4.0 /* distance of all cameras from the origin */
 
@@ -101,15 +101,15 @@ static double off(const double x[3], const saga_source_view *a,
     return sqrt(sum);
 }
 
-/* Cameras 0, 1, 3 and 4 are training views. Each is paired with its two nearest
- * ones: 0 with 1 and 3, 1 with 0 and 3, 3 with 4 and 1, 4 with 3 and 1. There
- * must be three novel cameras between each of these five pairs. */
+/* Cameras 0 to 3 are training views. Each is paired with its two nearest ones:
+ * 0 with 1 and 2, 1 with 0 and 2, 2 with 1 and 3, 3 with 2 and 1. There must be
+ * three novel cameras between each of these five pairs. */
 TEST(cameras_should_stand_between_training_views)
 {
     static const int pair[5][2] = {
-        { 0, 1 }, { 0, 3 }, { 1, 3 }, { 3, 4 }, { 1, 4 }
+        { 0, 1 }, { 0, 2 }, { 1, 2 }, { 2, 3 }, { 1, 3 }
     };
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     int n[5] = { 0 };
 
@@ -150,19 +150,19 @@ TEST(cameras_should_stand_between_training_views)
 TEST(rotation_should_be_shared_evenly)
 {
     static const double part[3] = { 1 / 6.0, 1 / 2.0, 5 / 6.0 };
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
 
-    /* The first pair is that of cameras 0 and 1, 0.22 apart. */
+    /* The first pair is that of cameras 0 and 1, 0.35 apart. */
     for (int i = 0; i < 3; i++)
         assert_true(fabs(atan2(o.view[i].rotation[6], o.view[i].rotation[8]) -
-                         0.22 * part[i]) < 1e-12);
+                         0.35 * part[i]) < 1e-12);
     drop(f);
 }
 
 TEST(cameras_should_not_know_held_out_views)
 {
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     saga_novel a = placed(f), b;
 
     /* The place and the pictures of the held-out camera must not matter. */
@@ -175,19 +175,20 @@ TEST(cameras_should_not_know_held_out_views)
     drop(f);
 }
 
-/* Novel cameras must exist only if neighbours are 10 to 40 degrees apart, seen
- * from the middle depth, which is at the origin here. 0.18 radians are 10.3
- * degrees; 0.17 are 9.7, which is too near. With 0.9 neighbours are
- * 2 atan(sin 0.45) = 47 degrees apart, which is too far. */
+/* Novel cameras must exist only if neighbours are 20 to 40 degrees apart, seen
+ * from the middle depth, which is near the origin here. A step of 0.35 radians
+ * puts them 20.3 degrees apart, and the second ones 39; one of 0.34 puts them
+ * 19.7 apart, which is too near. With 0.9 they are 48 degrees apart, which is
+ * too far. */
 TEST(cameras_should_stand_where_views_are_far_apart)
 {
-    fixture *f = make(0.18);
+    fixture *f = make(0.35);
     saga_novel o = placed(f);
 
     assert_int_equal(o.n_views, 15);
     saga_novel_free(&o);
     drop(f);
-    f = make(0.17);
+    f = make(0.34);
     o = placed(f);
     assert_int_equal(o.n_views, 0);
     saga_novel_free(&o);
@@ -227,7 +228,7 @@ static void teach(saga_novel *o, real red)
 TEST(others_should_keep_their_order)
 {
     const saga_rng r = saga_rng_stream(1, 2);
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     uint64_t own = 0;
     int moments = 0;
@@ -259,7 +260,7 @@ TEST(others_should_keep_their_order)
 TEST(still_should_have_more_of_them)
 {
     const saga_rng r = saga_rng_stream(1, 2);
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     saga_novel o;
     int n = 0;
 
@@ -275,7 +276,7 @@ TEST(still_should_have_more_of_them)
 
 TEST(truth_should_be_the_mean_of_the_teachers)
 {
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     const size_t middle = W * (H / 2) + W / 2, plane = W * H;
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     FREED_BY(saga_canvas_free) saga_canvas canvas;
@@ -334,7 +335,7 @@ static double distance_of(const fixture *f, saga_flat *flat,
 TEST(warm_up_should_learn_from_teachers)
 {
     saga_flat_options options = saga_flat_defaults();
-    fixture *const f = make(0.22);
+    fixture *const f = make(0.35);
     saga_novel o;
     double away[2], mse;
     int n_novel = 0;

@@ -14,9 +14,9 @@
  * nothing. */
 enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
 
-/* Views closer than this need no pictures between them: 10 degrees, in
- * radians. */
-#define LEAST_ANGLE 0.1745
+/* Views closer than this gain nothing by pictures between them
+ * (docs/lab/teachers.md): 20 degrees, in radians. */
+#define LEAST_ANGLE 0.349
 
 /* Views farther apart than this share too little; teachers would guess, which
  * would harm the filmed views: 40 degrees, in radians. */

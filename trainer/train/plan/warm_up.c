@@ -9,10 +9,10 @@
 /* --- Teachers ------------------------------------------------------------ */
 
 /* A teacher adds this part to the time of a training, for a still and for a
- * moving scene. With two teachers, 50 and 20 % were measured: those of a moving
+ * moving scene. With two teachers, 50 and 40 % were measured: those of a moving
  * scene draw fewer pictures, and none for the rendering stage. */
 #define STILL_TIME 0.25
-#define MOVING_TIME 0.1
+#define MOVING_TIME 0.2
 
 int saga_plan_teachers(const saga_preset *preset, const saga_capture *capture)
 {
