@@ -30,7 +30,7 @@ then
 fi
 for width in 128 512; do
     for program in test_compute test_gpu_splat test_gpu_blocks \
-        test_gpu_networks test_gpu_rates; do
+        test_gpu_networks test_gpu_rates test_fit_stay; do
         LP_NATIVE_VECTOR_WIDTH=$width timeout 600 "$build/$program" \
             >"$tmp/log" 2>&1 </dev/null || complain "exit status $?"
         # Mesa names the width that it uses, in the device's name.

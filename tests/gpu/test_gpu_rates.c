@@ -78,7 +78,7 @@ static void rate_away(double bits[SAGA_N_STEPS], saga_gpu *gpu,
     const saga_rate_input x = input_of(f);
 
     assert_true(saga_away_can_rate(gpu, &f->r, &f->s));
-    assert_done(saga_away_put_rate(g, &f->r, &x, &error));
+    assert_done(saga_away_put_rate(g, &f->r, &f->s, &error));
     assert_done(saga_away_rate(bits, g, &f->r, &f->d, &x, &f->o, &error));
 }
 

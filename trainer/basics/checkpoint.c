@@ -5,7 +5,7 @@
 
 /* The version must be increased when any part of the program changes what it
  * saves. */
-enum { VERSION = 15 };
+enum { VERSION = 16 };
 
 static const char anew[] = "delete it and start again";
 

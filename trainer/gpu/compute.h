@@ -147,7 +147,11 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
     X(NET_DIRECTIONS, net_directions, 3)   \
     X(NET_COLOURS, net_colours, 3)         \
     X(NET_GRADIENTS, net_gradients, 11)    \
-    X(RATE_COST, rate_cost, 9)
+    X(RATE_COST, rate_cost, 9)             \
+    X(USE_FEATURES, use_features, 4)       \
+    X(USE_PLACES, use_places, 8)           \
+    X(FINE_VALUES, fine_values, 6)         \
+    X(LEARN_PLACES, learn_places, 12)
 
 #define SAGA_KERNEL_WORD(word, name, n) SAGA_KERNEL_##word,
 

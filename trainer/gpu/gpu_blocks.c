@@ -164,11 +164,25 @@ static push push_of(const saga_block_adam *b, const saga_adam *a, uint64_t step)
                    .rate = (float)b->rate };
 }
 
-static void record(saga_gpu_blocks *s, int kernel, const push *p, size_t groups)
+static const size_t flags_nbytes = N_FLAGS * sizeof(uint32_t);
+
+bool saga_gpu_blocks_room(saga_gpu_blocks *s, const saga_block_adam *b,
+                          saga_error *error)
+{
+    return make_room(s, b, &s->down, flags_nbytes + rows_nbytes(b), error);
+}
+
+void saga_gpu_blocks_begin(saga_gpu_blocks *s)
+{
+    saga_gpu_fill(s->gpu, &s->flag, 0, flags_nbytes, 0);
+}
+
+static void record(saga_gpu_blocks *s, int kernel, const push *p, size_t groups,
+                   const saga_gpu_buffer *gradients)
 {
     const saga_gpu_job job = { .kernel = kernel,
-                               .buffer = { &s->state, &s->g, &s->span, &s->flag,
-                                           &s->x },
+                               .buffer = { &s->state, gradients, &s->span,
+                                           &s->flag, &s->x },
                                .push = p,
                                .push_nbytes = sizeof *p,
                                .n_groups = (uint32_t)groups };
@@ -176,36 +190,84 @@ static void record(saga_gpu_blocks *s, int kernel, const push *p, size_t groups)
     saga_gpu_run(s->gpu, &job);
 }
 
+void saga_gpu_blocks_record(saga_gpu_blocks *s, const saga_block_adam *b,
+                            const saga_adam *adam, uint64_t step,
+                            const saga_gpu_buffer *gradients)
+{
+    const push p = push_of(b, adam, step);
+
+    record(s, SAGA_KERNEL_BLOCKS_REMEMBER, &p, p.n_groups, gradients);
+    record(s, SAGA_KERNEL_BLOCKS_TURN, &p,
+           saga_n_parts(b->n, SAGA_BLOCK_TURN_EVERY), gradients);
+    record(s, SAGA_KERNEL_BLOCKS_STEP, &p, p.n_groups, gradients);
+    saga_gpu_copy(s->gpu, &s->down, 0, &s->flag, 0, flags_nbytes);
+}
+
+bool saga_gpu_blocks_are_sound(const saga_gpu_blocks *s, uint64_t step,
+                               saga_error *error)
+{
+    const uint32_t *const flag = s->down.map;
+
+    return !flag[IS_UNSOUND] ||
+           saga_fail(error, NULL, "try another --seed, and report this error",
+                     "a feature, a position or a gradient is not finite at "
+                     "step %llu",
+                     (unsigned long long)step);
+}
+
+static void copy_rows(saga_gpu_blocks *s, const saga_block_adam *b)
+{
+    saga_gpu_copy(s->gpu, &s->down, flags_nbytes, &s->x, 0, rows_nbytes(b));
+}
+
+static void take_rows(const saga_gpu_blocks *s, const saga_block_adam *b)
+{
+    memcpy(b->x, (const char *)s->down.map + flags_nbytes, rows_nbytes(b));
+}
+
 bool saga_gpu_blocks_step(saga_gpu_blocks *s, const saga_block_adam *b,
                           const saga_adam *adam, uint64_t step,
                           saga_error *error)
 {
-    const size_t rows = rows_nbytes(b), flags = N_FLAGS * sizeof(uint32_t);
-    const push p = push_of(b, adam, step);
-    const uint32_t *flag;
+    const size_t rows = rows_nbytes(b);
 
     if (!make_room(s, b, &s->up, rows, error) ||
-        !make_room(s, b, &s->down, flags + rows, error))
+        !saga_gpu_blocks_room(s, b, error))
         return false;
     memcpy(s->up.map, b->g, rows);
     saga_gpu_begin(s->gpu);
     saga_gpu_copy(s->gpu, &s->g, 0, &s->up, 0, rows);
-    saga_gpu_fill(s->gpu, &s->flag, 0, flags, 0);
-    record(s, SAGA_KERNEL_BLOCKS_REMEMBER, &p, p.n_groups);
-    record(s, SAGA_KERNEL_BLOCKS_TURN, &p,
-           saga_n_parts(b->n, SAGA_BLOCK_TURN_EVERY));
-    record(s, SAGA_KERNEL_BLOCKS_STEP, &p, p.n_groups);
-    saga_gpu_copy(s->gpu, &s->down, 0, &s->flag, 0, flags);
-    saga_gpu_copy(s->gpu, &s->down, flags, &s->x, 0, rows);
+    saga_gpu_blocks_begin(s);
+    saga_gpu_blocks_record(s, b, adam, step, &s->g);
+    copy_rows(s, b);
+    if (!saga_gpu_finish(s->gpu, error) ||
+        !saga_gpu_blocks_are_sound(s, step, error))
+        return false;
+    take_rows(s, b);
+    return true;
+}
+
+/* --- What others see ----------------------------------------------------- */
+
+const saga_gpu_buffer *saga_gpu_blocks_rows(const saga_gpu_blocks *s)
+{
+    return &s->x;
+}
+
+const saga_gpu_buffer *saga_gpu_blocks_flag(const saga_gpu_blocks *s)
+{
+    return &s->flag;
+}
+
+bool saga_gpu_blocks_look(saga_gpu_blocks *s, const saga_block_adam *b,
+                          saga_error *error)
+{
+    if (!saga_gpu_blocks_room(s, b, error))
+        return false;
+    saga_gpu_begin(s->gpu);
+    copy_rows(s, b);
     if (!saga_gpu_finish(s->gpu, error))
         return false;
-    flag = s->down.map;
-    if (flag[IS_UNSOUND])
-        return saga_fail(error, NULL,
-                         "try another --seed, and report this "
-                         "error",
-                         "a feature or its gradient is not finite at step %llu",
-                         (unsigned long long)step);
-    memcpy(b->x, flag + N_FLAGS, rows);
+    take_rows(s, b);
     return true;
 }

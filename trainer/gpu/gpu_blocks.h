@@ -35,4 +35,27 @@ bool saga_gpu_blocks_step(saga_gpu_blocks *blocks, const saga_block_adam *b,
                           const saga_adam *adam, uint64_t step,
                           saga_error *error);
 
+/* --- Parts of a step, whose gradients are on the device ------------------- */
+
+/* Makes room for a step, before commands are recorded. Then commands: begin
+ * precedes all that may raise the flag, and record does the step with gradients
+ * (blocks, stride). After the list, are_sound tells whether all numbers were
+ * finite. */
+bool saga_gpu_blocks_room(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                          saga_error *error);
+void saga_gpu_blocks_begin(saga_gpu_blocks *blocks);
+void saga_gpu_blocks_record(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                            const saga_adam *adam, uint64_t step,
+                            const saga_gpu_buffer *gradients);
+bool saga_gpu_blocks_are_sound(const saga_gpu_blocks *blocks, uint64_t step,
+                               saga_error *error);
+
+/* Return the blocks (blocks, stride), and a word that kernels may set to 1. */
+const saga_gpu_buffer *saga_gpu_blocks_rows(const saga_gpu_blocks *blocks);
+const saga_gpu_buffer *saga_gpu_blocks_flag(const saga_gpu_blocks *blocks);
+
+/* Brings b->x back. */
+bool saga_gpu_blocks_look(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                          saga_error *error);
+
 #endif

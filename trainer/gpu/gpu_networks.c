@@ -108,7 +108,7 @@ bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p)
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++)
         sum += n_layers(p, k);
-    return sum <= SAGA_GPU_MOST_LAYERS && n_layers(p, SAGA_GPU_GEO) > 0 &&
+    return sum <= SAGA_GPU_FINE_LAYER && n_layers(p, SAGA_GPU_GEO) > 0 &&
            n_layers(p, SAGA_GPU_COLOUR_BASE) == 1 &&
            n_layers(p, SAGA_GPU_COLOUR_VIEW) <= 1 &&
            n_layers(p, SAGA_GPU_COLOUR) > 0 && p->n * widest(p) <= most &&
@@ -143,7 +143,8 @@ static void set_parts(saga_gpu_networks *s)
 static void list_ways(saga_gpu_networks *s)
 {
     const saga_gpu_prims *const p = s->p;
-    const size_t n = p->n, f = n * p->features;
+    /* What the device has does not move. */
+    const size_t n = p->is_there ? 0 : p->n, f = n * p->features;
     const saga_gpu_way up[] = {
         { .buffer = GPU_FEATURE, .n = f, .from = p->feature },
         { .buffer = GPU_PLACE, .n = 4 * n, .from = p->place },

@@ -30,6 +30,8 @@ typedef struct saga_gpu_prims {
     real most_motion, centre_lo, centre_hi;
     const saga_net *net[SAGA_GPU_N_NETS]; /* n_layers 0: absent */
     saga_net *d_net[SAGA_GPU_N_NETS];
+    bool is_there;       /* the device has the arrays that follow, and keeps
+                          * their gradients (gpu_anchors.h) */
     const real *feature; /* (n, features) */
     const real *place;   /* (n, 4) */
     const real *offset;  /* (n, 4), which are embedded */

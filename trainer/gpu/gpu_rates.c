@@ -88,7 +88,7 @@ static void list_kind(rating *s, int kind, uint32_t base)
 
 static void list_kinds(rating *s, const saga_gpu_rates *r)
 {
-    uint32_t base = 0;
+    uint32_t base = r->base;
 
     *s = (rating){ .r = r };
     s->n_rows = r->first < r->n ? (r->n - r->first + r->every - 1) / r->every
@@ -107,7 +107,7 @@ bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r)
     for (int k = 0; k < SAGA_N_KINDS; k++) {
         const saga_net *const nets[] = { r->kind[k].net, r->kind[k].hyper };
 
-        if (nets[0]->n_layers + nets[1]->n_layers + 1 > SAGA_GPU_MOST_LAYERS ||
+        if (nets[0]->n_layers + nets[1]->n_layers + 1 > SAGA_GPU_FINE_LAYER ||
             r->kind[k].sources & r->kind[k].keep & SAGA_SOURCE_BANK)
             return false;
         for (int i = 0; i < 2; i++)
@@ -143,7 +143,8 @@ static void take_net(rating *s, size_t *at, const saga_net *net,
 static void list_ways(rating *s)
 {
     const saga_gpu_rates *const r = s->r;
-    const size_t n = r->n, f = n * r->features;
+    /* What the device has does not move. */
+    const size_t n = r->is_there ? 0 : r->n, f = n * r->features;
 
     go_up(s, GPU_COARSE, f, r->coarse);
     go_up(s, GPU_FEATURE, f, r->fine);
@@ -387,7 +388,9 @@ bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
     saga_gpu_begin(g->gpu);
     saga_gpu_ways_send(g, s.up, s.n_up);
     clear(g, GPU_D_COARSE, r->n * r->features);
-    clear(g, GPU_D_FEATURE, r->n * r->features);
+    /* That of pictures may be there. */
+    if (!r->is_there)
+        clear(g, GPU_D_FEATURE, r->n * r->features);
     clear(g, GPU_D_OFFSET, 4 * (size_t)r->n);
     for (int k = 0; k < SAGA_N_KINDS; k++)
         record_kind(g, &s, k);

@@ -64,6 +64,9 @@ typedef struct saga_gpu_rates {
     bool rounding;
     real weight; /* of a bit of such a block in the loss */
     saga_gpu_rate_kind kind[SAGA_N_KINDS];
+    uint32_t base; /* where parameters are, behind those of others */
+    bool is_there; /* the device has the arrays that follow, and keeps their
+                    * gradients and means (gpu_anchors.h) */
     const real *coarse, *fine; /* (n, features) */
     const real *size;          /* (n, 5) of primitives' blocks */
     const real *value;         /* (n, 4) of primitives */

@@ -9,8 +9,12 @@
 #include "gpu_rates.h"
 #include "gpu_splat.h"
 
-/* Layers of all networks of primitives together. */
-enum { SAGA_GPU_MOST_LAYERS = 10 };
+/* Layers of all networks of primitives together, or of a kind of blocks; then
+ * those of F_fine. */
+enum {
+    SAGA_GPU_FINE_LAYER = 10,
+    SAGA_GPU_MOST_LAYERS = SAGA_GPU_FINE_LAYER + SAGA_NET_LAYERS
+};
 
 /* The buffers on the device. N: primitives, P: room for pairs; other sizes are
  * in kernels/. */
@@ -82,6 +86,13 @@ enum {
     GPU_D_RATE_IN,
     GPU_D_RATE_OUT, /* (rows, 2 channels) */
     GPU_BITS,       /* (rows, channels) */
+    /* Anchors that stay on the device (gpu_anchors.h). */
+    GPU_FINE_X,     /* (N, 4) */
+    GPU_FINE_EMBED, /* (N, 4) which F_fine embeds */
+    GPU_FINE_IN,    /* (N, inputs of F_fine) */
+    GPU_LOG2,       /* (N, 4) of supports */
+    GPU_PRIM,       /* (N, 4) positions, then their moments likewise */
+    GPU_SHIFT,      /* (N, 4) of positions by noise or rounding */
     GPU_N_BUFFERS
 };
 

@@ -110,3 +110,16 @@ void saga_gpu_ways_take(const saga_gpu_canvas *g, const saga_gpu_way *ways,
                                      .n = saga_n_parts(ways[i].n, PART),
                                      .ns = TAKE_NS * (double)ways[i].n });
 }
+
+bool saga_gpu_ways_get(saga_gpu_canvas *g, const saga_gpu_way *ways, int n,
+                       const char *what, saga_error *error)
+{
+    if (!saga_gpu_ways_back(g, ways, n, what, error))
+        return false;
+    saga_gpu_begin(g->gpu);
+    saga_gpu_ways_fetch(g, ways, n);
+    if (!saga_gpu_finish(g->gpu, error))
+        return false;
+    saga_gpu_ways_take(g, ways, n);
+    return true;
+}

@@ -33,8 +33,10 @@ void saga_gpu_ways_fetch(saga_gpu_canvas *g, const saga_gpu_way *ways, int n);
 void saga_gpu_ways_take(const saga_gpu_canvas *g, const saga_gpu_way *ways,
                         int n);
 
-/* Takes arrays up in a list of their own. */
+/* Take arrays up, or down, in a list of their own. */
 bool saga_gpu_ways_put(saga_gpu_canvas *g, const saga_gpu_way *ways, int n,
+                       const char *what, saga_error *error);
+bool saga_gpu_ways_get(saga_gpu_canvas *g, const saga_gpu_way *ways, int n,
                        const char *what, saga_error *error);
 
 #endif

@@ -31,6 +31,12 @@ enum { SAGA_TWIN_MOTION_Q = 8 };
 #define SAGA_TWIN_CENTRE_MIN (R(SAGA_CENTRE_T_MIN) / 65536)
 #define SAGA_TWIN_CENTRE_MAX (R(SAGA_CENTRE_T_END) / 65536)
 
+/* Returns log2 of the least support: one box unit, or one time unit. */
+static inline real saga_twin_least_support(size_t axis)
+{
+    return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
+}
+
 /* The inputs and outputs of a network for many rows. It has memory for the
  * largest number of rows, so passes cannot fail. Gradients are NULL if they are
  * used chunk by chunk, and not kept. */

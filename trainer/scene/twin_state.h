@@ -82,12 +82,6 @@ static inline size_t saga_twin_out_at(const saga_scene *s, int net, size_t i)
     return i * (size_t)n->dim[n->n_layers];
 }
 
-/* Returns log2 of the least support: one box unit, or one time unit. */
-static inline real saga_twin_least_support(size_t axis)
-{
-    return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
-}
-
 static inline int saga_twin_sees_views(const saga_scene *s)
 {
     return (s->model.tools & SAGA_TOOL_VIEW) != 0;

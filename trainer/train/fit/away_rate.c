@@ -2,6 +2,7 @@
 #include "away_rate.h"
 
 #include "alloc.h"
+#include "fit_away.h"
 #include "rate_values.h"
 #include "rng.h"
 
@@ -121,22 +122,22 @@ static saga_gpu_links links_of(const saga_links *l)
 }
 
 bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
-                        const saga_rate_input *x, saga_error *error)
+                        const saga_scene *s, saga_error *error)
 {
-    const saga_scene *const s = x->scene;
     const size_t n = s->n.coarse;
     const saga_rate_kind *const kind = r->context.kind;
     const saga_rate_kind *const coarse = &kind[SAGA_KIND_COARSE];
     const saga_rate_kind *const fine = &kind[SAGA_KIND_FINE];
     uint32_t *const span = saga_calloc(n, sizeof *span, what, error);
-    real *const offset = saga_calloc(n, 4 * sizeof *offset, what, error);
+    real *const offset = saga_calloc(n, 8 * sizeof *offset, what, error);
+    real *const phase = offset ? offset + 4 * n : NULL;
     const saga_gpu_rate_scene to = {
         .n = s->n.coarse,
         .features = s->model.features,
         .span = span,
         .fine_offset = r->offset,
         .value = { r->centre, offset },
-        .phase = { coarse->phase, fine->phase, x->twin->fine_phase },
+        .phase = { coarse->phase, fine->phase, phase },
         .size = { coarse->size, fine->size },
         .links = { [SAGA_GPU_COARSE_GROUPS] = links_of(&coarse->groups),
                    [SAGA_GPU_FINE_GROUPS] = links_of(&fine->groups),
@@ -151,6 +152,7 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
         span[i] = has.first + 256u * has.n;
         for (size_t k = 0; k < 4; k++)
             offset[4 * i + k] = r->offset[SAGA_RATE_OFFSETS * i + k];
+        saga_scene_phase(phase + 4 * i, s->fine_x + 4 * i);
     }
     ok = ok && saga_gpu_put_rates(g, &to, error);
     free(span);
@@ -190,26 +192,45 @@ static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
                                                 (double)r->bits[kind][c];
 }
 
-/* As saga_away_rate, with memory for values of primitives and their gradients,
- * which are 0. */
-static bool rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
-                 saga_gpu_rates *to, const saga_rate_input *x,
-                 saga_error *error)
+static bool evaluate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g,
+                     const saga_gpu_rates *to, const saga_model *m,
+                     saga_error *error)
+{
+    if (!saga_gpu_rate(g, to, error))
+        return false;
+    add_bits(bits, to, m);
+    return true;
+}
+
+/* Evaluates values of the host, and gives it their gradients. */
+static bool evaluate_here(double bits[SAGA_N_STEPS], saga_gpu_canvas *g,
+                          saga_rate *r, saga_scene *d, saga_gpu_rates *to,
+                          const saga_rate_input *x, saga_error *error)
 {
     saga_rate_kind *const prim = &r->context.kind[SAGA_KIND_PRIM];
+    const size_t n = 4 * (size_t)to->n;
+    real *const value = saga_calloc(2 * n, sizeof *value, what, error);
+    bool ok;
 
+    if (!value)
+        return false;
+    set_values(value, r, x);
     for (uint32_t i = 0; i < to->n; i++)
         saga_rate_place_prims(prim, x->scene, x->twin, &i, 1);
     to->size = prim->size;
+    to->value = value;
+    to->d_value = value + n;
     to->coarse = x->feature;
+    to->d_coarse = d->coarse_feature;
     to->fine = x->twin->fine_feature;
     to->d_fine = x->twin->d_fine_feature;
     to->mu[SAGA_KIND_COARSE] = r->mu_feature;
     to->mu[SAGA_KIND_PRIM] = r->mu_offset;
-    if (!saga_gpu_rate(g, to, error))
-        return false;
-    add_bits(bits, to, &x->scene->model);
-    return true;
+    ok = evaluate(bits, g, to, &x->scene->model, error);
+    if (ok)
+        learn_offsets(d, x, to->d_value);
+    free(value);
+    return ok;
 }
 
 bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
@@ -218,31 +239,23 @@ bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
 {
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     const saga_rate_input y = { &rounded, x->twin, x->feature };
-    const size_t n = 4 * (size_t)rounded.n.prim;
-    real *const value = saga_calloc(2 * n, sizeof *value, what, error);
     channels c[SAGA_N_KINDS];
     saga_gpu_rates to;
-    bool ok;
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    if (!value)
-        return false;
-    set_values(value, r, &y);
-    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+    for (int kind = 0; kind < SAGA_N_KINDS && x->feature; kind++)
         saga_rate_measure_again(r, &y, kind);
     set_kinds(&to, c, r, &rounded, d);
     to.first = o->first;
     to.every = o->every;
     to.rounding = o->rounding;
     to.weight = o->weight * R(o->every);
-    to.value = value;
-    to.d_value = value + n;
-    to.d_coarse = d->coarse_feature;
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
-    ok = rate(bits, g, r, &to, &y, error);
-    if (ok)
-        learn_offsets(d, &y, to.d_value);
-    free(value);
-    return ok;
+    if (x->feature)
+        return evaluate_here(bits, g, r, d, &to, &y, error);
+    to.is_there = true;
+    to.base = saga_away_n_params(&rounded) +
+              (uint32_t)saga_net_n_params(&rounded.net[SAGA_NET_FINE]);
+    return evaluate(bits, g, &to, &rounded.model, error);
 }

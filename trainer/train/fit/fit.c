@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "fit_state.h"
+#include "fit_stay.h"
 
 #include "alloc.h"
 #include "noise.h"
@@ -10,14 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Iterations after which the neighbours are searched again. */
-enum { REFRESH_EVERY = 50 };
-
-/* Streams of random numbers (rng.h). */
-enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
-
-/* The weight lambda_a of the distance of anchors from their primitives. */
-#define ANCHOR_PRICE R(0.005)
+/* Streams of random numbers (rng.h), besides those of an iteration's seed. */
+enum { STREAM_VIEW = 100, STREAM_LAYERS = 103 };
 
 /* The weight of L_res, by which corrections of the residual hash are small
  * where they do not help. */
@@ -115,12 +109,6 @@ int saga_fit_iteration(const saga_fit *f)
 
 /* --- Rate ---------------------------------------------------------------- */
 
-double saga_fit_feature_step(const saga_scene *s)
-{
-    return ldexp(s->model.step_q16[SAGA_STEP_FEATURE] / 65536.0,
-                 -s->model.out_q[SAGA_OUT_COARSE]);
-}
-
 static saga_rate_input rate_input(saga_fit *f, real *feature)
 {
     const saga_rate_input x = { f->scene, &f->twin, feature };
@@ -132,29 +120,23 @@ static bool add_rate_away(saga_fit *f, const saga_rate_input *x,
                           const saga_rate_options *o, saga_error *error)
 {
     f->is_rated_away = f->is_rated_away ||
-                       saga_away_put_rate(f->gpu, &f->rate, x, error);
+                       saga_away_put_rate(f->gpu, &f->rate, f->scene, error);
     return f->is_rated_away &&
            saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, x, o, error);
 }
 
-/* Adds the gradients of the rate at `price` for each bit, before
- * saga_twin_backward. In the first iteration that rounds, it also chooses the
- * sources. */
-static bool add_rate(saga_fit *f, double price, saga_error *error)
+/* Adds the gradients of the rate, before saga_twin_backward. In the first
+ * iteration that rounds, it also chooses the sources. */
+static bool add_rate(saga_fit *f, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
-    saga_rate_options o = { .rounding = saga_fit_is_rounding(f),
-                            .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
-                            .weight = (real)price };
+    const saga_rate_options o = saga_fit_rate_options(f);
 
     /* Sources are chosen once, in the first iteration that rounds. Those of
      * given networks were chosen when the networks were made. */
     if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
-    /* A quarter of the blocks is evaluated as a sample. All blocks are
-     * evaluated in iterations that evaluate the memory bank's reads again. */
-    saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
     if (f->is_away && saga_away_can_rate(f->o.gpu, &f->rate, f->scene))
         return add_rate_away(f, &x, &o, error);
     f->is_rated_away = false;
@@ -171,8 +153,7 @@ static void use_features(void *user, size_t part)
     saga_fit *const f = user;
     const saga_range of = saga_part(
         (size_t)f->scene->n.coarse * f->scene->model.features, FEATURES, part);
-    const saga_rng r = saga_rng_stream(
-        f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_NOISE);
+    const saga_rng r = saga_fit_noise(f, SAGA_STREAM_NOISE);
     const double step = saga_fit_feature_step(f->scene);
 
     /* Features are rounded relative to the mu of their anchor's last
@@ -195,8 +176,7 @@ static void use_positions(void *user, size_t part)
     saga_fit *const f = user;
     const saga_scene *const s = f->scene;
     const saga_range of = saga_part(s->n.prim, PRIMS, part);
-    const saga_rng r = saga_rng_stream(
-        f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_OFFSET);
+    const saga_rng r = saga_fit_noise(f, SAGA_STREAM_OFFSET);
     const double step = saga_rate_prim_step(s);
     size_t i, k;
 
@@ -321,12 +301,14 @@ static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
     return true;
 }
 
+static saga_sample pick_picture(const saga_fit *f)
+{
+    return saga_novel_pick(f->pictures, saga_rng_stream(f->o.seed, STREAM_VIEW),
+                           (uint64_t)f->iteration);
+}
+
 static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
 {
-    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const saga_sample picture = saga_novel_pick(f->pictures, r,
-                                                (uint64_t)f->iteration);
-
     /* Forward: positions, attributes, picture. Then the gradients of the
      * picture. */
     saga_twin_offsets(&f->twin, &f->used);
@@ -334,37 +316,29 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
         saga_twin_fine_forward(&f->twin, &f->used, f->feature);
     else
         saga_twin_geometry(&f->twin, &f->used, f->feature);
-    if (!learn_picture(f, picture, mse, error))
+    if (!learn_picture(f, pick_picture(f), mse, error))
         return false;
     /* L_A and the rate precede the twin's backward pass, because they add to
      * the gradients of supports, which it reads. */
-    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
-    if (!add_rate(f, f->o.price.residual, error))
+    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, SAGA_FIT_ANCHOR_PRICE);
+    if (!add_rate(f, error))
         return false;
     /* Backward, to features, positions and networks. */
     if (f->is_away)
         saga_twin_fine_backward(&f->twin, &f->grad, &f->used);
     else
         saga_twin_backward(&f->twin, &f->grad, &f->used);
-    /* The rate of the weights comes last, because the gradient of a step is
-     * computed from all gradients of its tensor. */
-    saga_fit_rate_weights(f);
-    return saga_fit_descend(f, error);
+    return true;
 }
 
-/* Decides where this iteration runs the networks of primitives. */
-static void choose_place(saga_fit *f)
+/* Does what precedes and follows the pictures on the host. */
+static bool iterate_here(saga_fit *f, double *mse, saga_error *error)
 {
     const saga_away away = away_of(f);
 
-    f->is_away = f->gpu && saga_away_can(f->o.gpu, &away);
-}
-
-bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
-{
-    bool ok;
-
-    *mse = 0;
+    if (!saga_fit_look(f, error))
+        return false;
+    f->is_there = false;
     /* Copies with noise, or rounded ones, replace the scene's own values. */
     use_all_features(f);
     use_all_positions(f);
@@ -372,17 +346,48 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
         return false;
     /* Between two such iterations the neighbours stay the same, and no gradient
      * flows through their choice (twin.h). */
-    if (f->iteration % REFRESH_EVERY == 0 &&
+    if (f->iteration % SAGA_FIT_REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
-    choose_place(f);
+    f->is_away = f->gpu && saga_away_can(f->o.gpu, &away);
     if (f->iteration == 0)
         start_rate(f);
     /* All backward passes add to the gradients. */
     saga_clear(&(saga_span){ f->grad.reals, f->grad.n_reals * sizeof(real) },
                1);
     saga_twin_clear(&f->twin, f->scene);
-    ok = render_iteration(f, mse, error);
+    return render_iteration(f, mse, error);
+}
+
+/* The same where anchors stay on the device. */
+static bool iterate_there(saga_fit *f, double *mse, saga_error *error)
+{
+    const saga_sample picture = pick_picture(f);
+
+    if (!saga_fit_use_weights(f, error))
+        return false;
+    saga_clear(&(saga_span){ f->grad.params,
+                             saga_fit_n_params(f->scene) * sizeof(real) },
+               1);
+    if (!saga_fit_stay(f, mse, picture, n_drawn(f), error))
+        return false;
+    if (saga_novel_is(f->pictures, picture))
+        *mse = 0;
+    return true;
+}
+
+bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
+{
+    bool ok;
+
+    *mse = 0;
+    ok = saga_fit_can_stay(f) ? iterate_there(f, mse, error)
+                              : iterate_here(f, mse, error);
+    /* The rate of the weights comes last, because the gradient of a step is
+     * computed from all gradients of its tensor. */
+    if (ok)
+        saga_fit_rate_weights(f);
+    ok = ok && saga_fit_descend(f, error);
     f->iteration++;
     return ok;
 }
@@ -394,6 +399,9 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
 {
     saga_rate_input x = rate_input(f, feature);
 
+    if (!saga_fit_look(f, error))
+        return NULL;
+    f->is_there = false;
     /* Set the networks and offsets as they will be decoded. */
     saga_fit_round_weights(f);
     use_all_positions(f);

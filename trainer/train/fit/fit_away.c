@@ -22,6 +22,16 @@ void saga_away_levels(real *level, const saga_scene *s)
     }
 }
 
+uint32_t saga_away_n_params(const saga_scene *s)
+{
+    size_t n = 0;
+
+    for (int k = 0; k < SAGA_GPU_N_NETS; k++)
+        if (s->net[nets[k]].n_layers)
+            n += saga_net_n_params(&s->net[nets[k]]);
+    return (uint32_t)n;
+}
+
 static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
                                uint32_t n)
 {
@@ -35,6 +45,7 @@ static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
                          .most_motion = SAGA_TWIN_MOST_MOTION,
                          .centre_lo = SAGA_TWIN_CENTRE_MIN,
                          .centre_hi = SAGA_TWIN_CENTRE_MAX,
+                         .is_there = a->is_there,
                          .feature = w->fine_feature,
                          .place = s->prim_x,
                          .offset = w->prim_offset,

@@ -15,11 +15,15 @@ typedef struct saga_away {
     const saga_scene *scene; /* that the twin runs */
     saga_scene *d;           /* its gradients */
     const real *level;       /* (n.prim, 2) of saga_away_levels */
+    bool is_there;           /* the device has the anchors (gpu_anchors.h) */
 } saga_away;
 
 /* Sets level (n.prim, 2) to the constants between log2 sizes and outputs of
  * networks, in space and in time. */
 void saga_away_levels(real *level, const saga_scene *s);
+
+/* Returns the number of parameters of these networks. */
+uint32_t saga_away_n_params(const saga_scene *s);
 
 /* Tells whether the device can run the networks of the scene's primitives,
  * which the links of the twin's last refresh decide, too. */

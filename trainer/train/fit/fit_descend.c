@@ -17,6 +17,15 @@ enum { T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS };
 
 /* --- State --------------------------------------------------------------- */
 
+static void set_spans(saga_fit *f)
+{
+    for (size_t i = 0; i < f->scene->n.coarse; i++) {
+        const saga_class has = saga_scene_class(f->scene, i);
+
+        f->descent.span[i] = (saga_block_span){ has.first, has.n };
+    }
+}
+
 /* The features of an anchor are one block. F_geo computes attributes from their
  * sums, so their gradients are correlated, differently at each anchor. */
 static saga_block_adam feature_blocks(saga_fit *f)
@@ -94,15 +103,13 @@ void saga_fit_free_descent(saga_fit *f)
     saga_gpu_blocks_free(f->descent.away);
 }
 
-bool saga_fit_bring(saga_fit *f, saga_error *error)
+saga_block_adam saga_fit_features(saga_fit *f)
 {
-    saga_descent *const d = &f->descent;
-    const saga_block_adam features = feature_blocks(f);
+    saga_block_adam features = feature_blocks(f);
 
-    /* After a failure the host's older state must not pass for the new one. */
-    d->is_newer = d->is_newer &&
-                  !saga_gpu_blocks_get(d->away, &features, error);
-    return !d->is_newer;
+    set_spans(f);
+    features.rate = saga_fit_rates_now(f).feature;
+    return features;
 }
 
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
@@ -112,7 +119,7 @@ void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
 
     /* What the device has is older than what is read. */
     d->is_away = d->is_away && !c->reading;
-    assert(!d->is_newer);
+    assert(!d->is_newer && !f->is_newer_there);
 
     saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
     saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
@@ -152,9 +159,9 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
     /* Positions of anchors are in no tensor, since they are fixed. Features are
      * listed only so that they are checked; they are moved by blocks, below. */
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
-           (size_t)s->n.coarse * s->model.features, 0);
+           f->is_there ? 0 : (size_t)s->n.coarse * s->model.features, 0);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
-           4 * (size_t)s->n.prim, r->prim);
+           f->is_there ? 0 : 4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params, n_entropy - n_bank,
            r->entropy);
     /* The bank has gradients only where its reads are evaluated again. With
@@ -172,15 +179,6 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
                                      f->weights.v,
                                      (size_t)f->weights.n,
                                      r->steps };
-}
-
-static void set_spans(saga_fit *f)
-{
-    for (size_t i = 0; i < f->scene->n.coarse; i++) {
-        const saga_class has = saga_scene_class(f->scene, i);
-
-        f->descent.span[i] = (saga_block_span){ has.first, has.n };
-    }
 }
 
 /* Steps the features on the device, to which they go in the first step. */
@@ -201,14 +199,14 @@ bool saga_fit_descend(saga_fit *f, saga_error *error)
     const saga_adam adam = saga_adam_default();
     const saga_fit_rates rates = saga_fit_rates_now(f);
     const uint64_t number = (uint64_t)f->iteration + 1;
-    saga_block_adam features = feature_blocks(f);
+    const saga_block_adam features = saga_fit_features(f);
     saga_adam_tensor t[N_TENSORS];
 
-    set_spans(f);
-    features.rate = rates.feature;
     list_tensors(t, f, &rates);
     if (!saga_adam_update(&adam, t, N_TENSORS, number, error))
         return false;
+    if (f->is_there)
+        return true;
     if (f->descent.away)
         return step_away(f, &features, &adam, error);
     saga_block_adam_update(&features, &adam, number);

@@ -55,6 +55,7 @@ static void walk_rate(saga_checkpoint *c, saga_rate *r, const saga_scene *s)
     walk_reals(c, r->mu_offset, 4 * (size_t)s->n.fine);
     saga_checkpoint_walk(c, k->keep, sizeof k->keep);
     saga_checkpoint_walk(c, &r->decision, sizeof r->decision);
+    saga_checkpoint_walk(c, &r->constants, sizeof r->constants);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         walk_reals(c, k->bank.kind[kind].read,
                    k->kind[kind].n_blocks * k->bank.width);
@@ -89,6 +90,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     saga_fit_walk_descent(f, c);
     f->is_rated_away = f->is_rated_away && !c->reading;
+    f->is_there = f->is_there && !c->reading;
     walk_rate(c, &f->rate, f->scene);
     /* The steps of the weights are kept. The copies with noise are made
      * again. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The schedule of the fit: when rounding begins, when the bank's reads are
- * evaluated, and how fast each tensor learns.
+ * The schedule of the fit: when rounding begins, which noise values get, when
+ * the bank's reads are evaluated, and how fast each tensor learns.
  */
 #include "fit_state.h"
 
@@ -82,4 +82,21 @@ saga_fit_rates saga_fit_rates_now(const saga_fit *f)
                              .entropy = noisy ? rate * R(0.004) : 0,
                              .networks = learns ? rate * R(0.0016) : 0,
                              .steps = noisy ? rate * R(0.01) : 0 };
+}
+
+saga_rng saga_fit_noise(const saga_fit *f, uint64_t stream)
+{
+    return saga_rng_stream(f->o.seed ^ ((uint64_t)f->iteration << 20), stream);
+}
+
+saga_rate_options saga_fit_rate_options(const saga_fit *f)
+{
+    saga_rate_options o = { .rounding = saga_fit_is_rounding(f),
+                            .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
+                            .weight = (real)f->o.price.residual };
+
+    /* A quarter of the blocks is evaluated as a sample. All blocks are
+     * evaluated in iterations that evaluate the memory bank's reads again. */
+    saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
+    return o;
 }

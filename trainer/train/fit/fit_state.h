@@ -11,6 +11,7 @@
 #include "fit_away.h"
 #include "gpu_blocks.h"
 #include "gpu_splat.h"
+#include "rng.h"
 
 /* The state of the optimisers. */
 typedef struct saga_descent {
@@ -25,6 +26,17 @@ typedef struct saga_descent {
     bool is_away;          /* the device has features and `blocks` */
     bool is_newer;         /* and steps have changed its `blocks` since */
 } saga_descent;
+
+enum {
+    /* Iterations after which the neighbours are searched again. */
+    SAGA_FIT_REFRESH_EVERY = 50,
+    /* Streams of random numbers (rng.h), of an iteration's seed. */
+    SAGA_STREAM_NOISE = 101,
+    SAGA_STREAM_OFFSET
+};
+
+/* The weight lambda_a of the distance of anchors from their primitives. */
+#define SAGA_FIT_ANCHOR_PRICE R(0.005)
 
 struct saga_fit {
     saga_scene *scene;
@@ -50,14 +62,12 @@ struct saga_fit {
                            * in this iteration */
     bool is_rated_away;   /* the device has what the rate reads, and the
                            * means of its last evaluations */
+    bool is_there;        /* the device has all that learns but networks */
+    bool is_newer_there;  /* and steps have changed it since */
     saga_rate rate;
     double bits[SAGA_N_STEPS]; /* bits of each kind of step, at the last
                                 * iteration */
 };
-
-/* Returns the quantisation step of the coarse features, in units of a
- * feature. */
-double saga_fit_feature_step(const saga_scene *s);
 
 /* fit_schedule.c */
 /* Returns the first iteration that rounds; the last third of them does. */
@@ -73,18 +83,28 @@ typedef struct saga_fit_rates {
 
 saga_fit_rates saga_fit_rates_now(const saga_fit *f);
 
-/* fit_descend.c: allocates the state of the optimisers, when all else is made.
+/* Return the noise of an iteration, and how it looks at the rate. */
+saga_rng saga_fit_noise(const saga_fit *f, uint64_t stream);
+saga_rate_options saga_fit_rate_options(const saga_fit *f);
+
+/* fit_descend.c: returns the features with their learning rate. */
+saga_block_adam saga_fit_features(saga_fit *f);
+/* Allocates the state of the optimisers, when all else is made.
  * Returns false with *error set if memory is short; saga_fit_free frees what
  * was allocated. */
 bool saga_fit_begin_descent(saga_fit *f, saga_error *error);
 void saga_fit_free_descent(saga_fit *f);
 /* Writes or reads the optimisers' part of a checkpoint. */
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c);
-/* Does one step of all optimisers. Returns false under the conditions of
+/* Does one step of all optimisers, but of those that the device has done where
+ * anchors are there. Returns false under the conditions of
  * saga_adam_update. */
 bool saga_fit_descend(saga_fit *f, saga_error *error);
 
-/* fit_step.c: writes or reads the step of the features and the prices. */
+/* fit_step.c: returns the quantisation step of the coarse features, in units of
+ * a feature. */
+double saga_fit_feature_step(const saga_scene *s);
+/* Writes or reads the step of the features and the prices. */
 void saga_fit_walk_step(saga_fit *f, saga_checkpoint *c);
 
 /* fit_weights.c: allocates the copy of the networks, binds f->used to it and
@@ -94,6 +114,8 @@ bool saga_fit_begin_weights(saga_fit *f, saga_error *error);
  * from the first on, are already rounded and frozen. */
 size_t saga_fit_n_params(const saga_scene *s);
 size_t saga_fit_n_still(const saga_fit *f);
+/* Tells whether this iteration rounds layers first. */
+bool saga_fit_rounds_layers(const saga_fit *f);
 /* Sets f->params for this iteration. Returns false with *error set if memory is
  * short. */
 bool saga_fit_use_weights(saga_fit *f, saga_error *error);

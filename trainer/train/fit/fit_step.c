@@ -11,6 +11,12 @@
  * model may have. */
 enum { LEAST_STEP = 16, MOST_STEP = 4096 };
 
+double saga_fit_feature_step(const saga_scene *s)
+{
+    return ldexp(s->model.step_q16[SAGA_STEP_FEATURE] / 65536.0,
+                 -s->model.out_q[SAGA_OUT_COARSE]);
+}
+
 static void set_step(saga_fit *f, uint32_t step)
 {
     f->scene->model.step_q16[SAGA_STEP_FEATURE] = step << 16;

@@ -168,6 +168,12 @@ static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
 
 /* --- Steps of the fit ---------------------------------------------------- */
 
+bool saga_fit_rounds_layers(const saga_fit *f)
+{
+    return !f->o.given &&
+           n_rounded(f, f->iteration) > n_rounded(f, f->iteration - 1);
+}
+
 bool saga_fit_use_weights(saga_fit *f, saga_error *error)
 {
     const int done = f->iteration;

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Iterations of the rendering stage that stay on a device against the host's,
+ * from the same checkpoint. Both round, in different orders: gradients may
+ * differ by 1e-4 of a tensor's largest, and means of rounded values by a unit.
+ * SAGA_TEST_GPU is the number of the device; the first one is the default.
+ * Without a device the tests are skipped.
+ */
+#include "fit_stay.h"
+#include "gpu_state.h"
+#include "gpu_ways.h"
+#include "near.h"
+#include "test_device.h"
+#include "tiny_training.h"
+#include "train_state.h"
+
+#include <math.h>
+
+enum { N = 300, RENDER = 60 };
+
+typedef struct {
+    saga_gpu *gpu;
+    tiny t;
+} world;
+
+static int set_up(void **state)
+{
+    world *const w = zeroed(1, sizeof *w);
+
+    w->gpu = open_test_device();
+    tiny_open(&w->t, 3);
+    *state = w;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    world *const w = *state;
+
+    saga_gpu_close(w->gpu);
+    tiny_close(&w->t);
+    free(w);
+    return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+/* A case: an ablation or NULL, and the iteration that both do. */
+typedef struct {
+    const char *name, *ablate;
+    int iteration;
+} variant;
+
+static const variant variants[] = {
+    { "noise", NULL, 7 },
+    { "rounding", NULL, 58 },
+    { "classes", "classes", 13 },
+};
+
+/* --- Comparisons --------------------------------------------------------- */
+
+/* Positions' gradients are what is added to their first moment. */
+static real *position_gradients(const saga_fit *f, const real *before)
+{
+    const size_t at = (size_t)(f->scene->prim_x - f->scene->reals);
+    const size_t n = 4 * (size_t)f->scene->n.prim;
+    real *const g = zeroed(n, sizeof *g);
+
+    for (size_t i = 0; i < n; i++)
+        g[i] = f->descent.m[at + i] - R(0.9) * before[i];
+    return g;
+}
+
+static real *copied(const real *x, size_t n)
+{
+    real *const to = zeroed(n, sizeof *to);
+
+    memcpy(to, x, n * sizeof *to);
+    return to;
+}
+
+static bool nets_are_near(const char *name, const saga_fit *a,
+                          const saga_fit *b)
+{
+    bool ok = true;
+
+    for (int i = 0; i < SAGA_N_NETS; i++) {
+        const saga_net *const d = &b->grad.net[i];
+
+        for (int l = 0; l < d->n_layers; l++)
+            ok = is_near(name, "a network", a->grad.net[i].w[l], d->w[l],
+                         (size_t)(d->dim[l] + 1) * (size_t)d->dim[l + 1],
+                         1e-4) &&
+                 ok;
+    }
+    return ok;
+}
+
+/* Compares the state after an iteration with that of the host, b. */
+static bool states_are_near(const char *name, const saga_fit *a,
+                            const saga_fit *b, const real *m)
+{
+    const size_t n = b->scene->n.prim, f = n * b->scene->model.features;
+    FREED real *const g = position_gradients(a, m);
+    FREED real *const h = position_gradients(b, m);
+    FREED real *const d = zeroed(f, sizeof *d);
+    const saga_gpu_way way = { .buffer = GPU_D_COARSE, .n = f, .to = d };
+    bool ok = is_near(name, "positions", g, h, 4 * n, 1e-4);
+
+    /* Their steps are those of test_gpu_blocks. */
+    assert_done(saga_gpu_ways_get(a->gpu, &way, 1, "features", &error));
+    ok = is_near(name, "features", d, b->grad.coarse_feature, f, 1e-4) && ok;
+    ok = is_near(name, "supports", a->twin.support, b->twin.support, 4 * n,
+                 1e-5) &&
+         ok;
+    ok = is_near(name, "offsets", a->twin.prim_offset, b->twin.prim_offset,
+                 4 * n, 1e-4) &&
+         ok;
+    ok = is_near(name, "means", a->rate.mu_feature, b->rate.mu_feature, f,
+                 1e-3) &&
+         ok;
+    return is_near(name, "means of offsets", a->rate.mu_offset,
+                   b->rate.mu_offset, 4 * n, 1e-3) &&
+           ok;
+}
+
+static bool agree(world *w, const variant *v)
+{
+    saga_train_options o = tiny_options(N, TINY_WARM, RENDER);
+    tiny_stop stop = { .stage = SAGA_TRAIN_RENDER, .iteration = v->iteration };
+    saga_train *host, *away;
+    double mse[2];
+    real *m;
+    saga_fit *f, *g;
+    bool ok;
+
+    o.ablate = v->ablate;
+    o.checkpoint = w->t.checkpoint;
+    host = tiny_train_until(&w->t.capture, &o, &stop);
+    o.gpu = w->gpu;
+    away = tiny_resume(&w->t.capture, &o);
+    f = host->render.fit;
+    g = away->render.fit;
+    assert_int_equal(saga_fit_iteration(f), saga_fit_iteration(g));
+    assert_true(saga_fit_can_stay(g));
+    m = copied(f->descent.m + (f->scene->prim_x - f->scene->reals),
+               4 * (size_t)f->scene->n.prim);
+    /* Constants are those of the checkpoint in both. */
+    f->rate.decision.given = 1;
+    assert_done(saga_fit_iterate(f, &mse[0], &error));
+    assert_done(saga_fit_iterate(g, &mse[1], &error));
+    assert_true(g->is_there);
+    assert_done(saga_fit_bring(g, &error));
+    ok = is_near(v->name, "error", &(real){ R(mse[1]) }, &(real){ R(mse[0]) },
+                 1, 1e-4);
+    ok = is_near(v->name, "bits", &(real){ R(saga_fit_bits(g)) },
+                 &(real){ R(saga_fit_bits(f)) }, 1, 1e-4) &&
+         ok;
+    ok = nets_are_near(v->name, g, f) && ok;
+    ok = states_are_near(v->name, g, f, m) && ok;
+    free(m);
+    saga_train_free(host);
+    saga_train_free(away);
+    return ok;
+}
+
+TEST(an_iteration_should_be_that_of_the_host)
+{
+    world *const w = *state;
+    bool ok = true;
+
+    if (!w->gpu)
+        skip();
+    for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
+        ok = agree(w, &variants[i]) && ok;
+    assert_true(ok);
+}
+
+/* Whole trainings differ as those of two seeds do. */
+TEST(a_training_should_be_as_on_the_host)
+{
+    world *const w = *state;
+    saga_train_options o = tiny_options(N, TINY_WARM, RENDER);
+    trained host, away;
+
+    if (!w->gpu)
+        skip();
+    host = tiny_train(&w->t.capture, &o);
+    o.gpu = w->gpu;
+    away = tiny_train(&w->t.capture, &o);
+    print_message("%zu bytes, %.2f dB on the host, %zu bytes, %.2f dB on the "
+                  "device\n",
+                  host.n, host.report.coded.training, away.n,
+                  away.report.coded.training);
+    assert_true(fabs(host.report.coded.training - away.report.coded.training) <
+                0.4);
+    assert_true(fabs(log((double)host.n / (double)away.n)) < 0.05);
+    free(host.bytes);
+    free(away.bytes);
+}

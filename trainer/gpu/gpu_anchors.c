@@ -1,0 +1,261 @@
+/* SPDX-License-Identifier: MIT */
+#include "gpu_anchors.h"
+
+#include "gpu_columns.h"
+#include "gpu_layers.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+static const char what[] = "anchors";
+
+static uint32_t n_learned(size_t features, int kind)
+{
+    return kind == SAGA_KIND_COARSE ? (uint32_t)features
+           : kind == SAGA_KIND_PRIM ? 4
+                                    : 0;
+}
+
+/* --- What stays ---------------------------------------------------------- */
+
+bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
+                          saga_error *error)
+{
+    const size_t n = 4 * (size_t)a->n;
+    const saga_gpu_way ways[] = {
+        { .buffer = GPU_FINE_X, .n = n, .from = a->fine_x },
+        { .buffer = GPU_FINE_EMBED, .n = n, .from = a->fine_offset },
+        { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level },
+        { .buffer = GPU_SUPPORT, .n = n, .from = a->support },
+        { .buffer = GPU_PRIM, .n = n, .from = a->prim_x },
+        { .buffer = GPU_PRIM, .at = n, .n = n, .from = a->m },
+        { .buffer = GPU_PRIM, .at = 2 * n, .n = n, .from = a->v }
+    };
+
+    /* A buffer that grows loses its content, so it must have its size at first.
+     */
+    return saga_gpu_room(g, GPU_PRIM, 3 * n * sizeof(real), what, error) &&
+           saga_gpu_ways_put(g, ways, sizeof ways / sizeof ways[0], what,
+                             error);
+}
+
+bool saga_gpu_anchors_get(saga_gpu_canvas *g, const saga_gpu_anchors *a,
+                          size_t features, saga_error *error)
+{
+    const size_t n = 4 * (size_t)a->n;
+    saga_gpu_way ways[5 + SAGA_N_KINDS] = {
+        { .buffer = GPU_PRIM, .n = n, .to = a->prim_x },
+        { .buffer = GPU_PRIM, .at = n, .n = n, .to = a->m },
+        { .buffer = GPU_PRIM, .at = 2 * n, .n = n, .to = a->v },
+        { .buffer = GPU_SUPPORT, .n = n, .to = a->support },
+        { .buffer = GPU_OFFSET4, .n = n, .to = a->offset }
+    };
+    int n_ways = 5;
+
+    for (int k = 0; k < SAGA_N_KINDS; k++)
+        if (a->mu[k])
+            ways[n_ways++] = (saga_gpu_way){ .buffer = GPU_MU + k,
+                                             .n = a->n * n_learned(features, k),
+                                             .to = a->mu[k] };
+    for (int i = 0; i < n_ways; i++)
+        ways[i].replaces = true;
+    return saga_gpu_ways_get(g, ways, n_ways, what, error);
+}
+
+/* --- Forward ------------------------------------------------------------- */
+
+static saga_gpu_layers layers_of(const saga_gpu_turn *t)
+{
+    saga_gpu_layers s = saga_gpu_layers_of(t->n, SAGA_GPU_FINE_LAYER, t->base);
+
+    saga_gpu_layers_append(&s, t->fine,
+                           (saga_gpu_layer){ .x = GPU_FINE_IN,
+                                             .d_x = GPU_D_COARSE,
+                                             .how_back = SAGA_GPU_ADD,
+                                             .n_cols = (uint32_t)t->features });
+    return s;
+}
+
+static void record_features(saga_gpu_canvas *g, const saga_gpu_blocks *b,
+                            const saga_gpu_turn *t)
+{
+    const uint32_t f = (uint32_t)t->features;
+    uint32_t push[6] = { t->n, f, t->rounding, (uint32_t)t->feature_key,
+                         (uint32_t)(t->feature_key >> 32) };
+    const saga_gpu_job job = {
+        .kernel = SAGA_KERNEL_USE_FEATURES,
+        .buffer = { saga_gpu_blocks_rows(b), &g->on[GPU_MU + SAGA_KIND_COARSE],
+                    &g->on[GPU_SPAN], &g->on[GPU_COARSE] },
+        .push = push,
+        .push_nbytes = sizeof push,
+        .n_groups = (uint32_t)saga_gpu_groups((size_t)t->n * f)
+    };
+
+    memcpy(push + 5, &t->feature_step, sizeof t->feature_step);
+    saga_gpu_run(g->gpu, &job);
+}
+
+static void record_places(saga_gpu_canvas *g, const saga_gpu_turn *t)
+{
+    const real reals[] = { t->prim_step, t->most_offset,
+                           R(1u << t->suffix_bits) };
+    uint32_t push[7] = { t->n, t->rounding, (uint32_t)t->offset_key,
+                         (uint32_t)(t->offset_key >> 32) };
+
+    memcpy(push + 4, reals, sizeof reals);
+    saga_gpu_do_with(g, SAGA_KERNEL_USE_PLACES,
+                     saga_gpu_groups(4 * (size_t)t->n),
+                     (int[]){ GPU_PRIM, GPU_FINE_X, GPU_SUPPORT,
+                              GPU_MU + SAGA_KIND_PRIM, GPU_PLACE, GPU_OFFSET4,
+                              GPU_VALUE4 + SAGA_KIND_PRIM, GPU_SHIFT, -1 },
+                     push, 7);
+}
+
+static void record_fine(saga_gpu_canvas *g, const saga_gpu_layers *s,
+                        const saga_gpu_turn *t)
+{
+    const uint32_t f = (uint32_t)t->features;
+    const real least[] = { t->least_x, t->least_t };
+    uint32_t push[4] = { t->n, f };
+    saga_gpu_columns c = { .n_rows = t->n,
+                           .n = f,
+                           .dim = s->list[0].n_in,
+                           .every = 1,
+                           .most = FLT_MAX };
+
+    saga_gpu_gather(g, &c, GPU_COARSE, f, -1, GPU_FINE_IN);
+    c.at = f;
+    c.n = c.dim - f;
+    saga_gpu_embed(g, &c, GPU_FINE_EMBED, GPU_FINE_IN);
+    saga_gpu_layers_forward(g, s, 0, s->n);
+    memcpy(push + 2, least, sizeof least);
+    saga_gpu_do_with(
+        g, SAGA_KERNEL_FINE_VALUES, saga_gpu_groups((size_t)t->n * (f + 4)),
+        (int[]){ s->list[s->n - 1].y, GPU_LEVEL, GPU_FEATURE, GPU_SUPPORT,
+                 GPU_LOG2, GPU_SIZE + SAGA_KIND_PRIM, -1 },
+        push, 4);
+}
+
+static void clear(saga_gpu_canvas *g, int buffer, size_t n)
+{
+    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
+}
+
+static bool make_room(saga_gpu_canvas *g, const saga_gpu_layers *s,
+                      const saga_gpu_turn *t, saga_error *error)
+{
+    const size_t n = t->n, f = n * t->features;
+    const struct {
+        int buffer;
+        size_t n;
+    } need[] = { { GPU_COARSE, f },
+                 { GPU_FEATURE, f },
+                 { GPU_D_FEATURE, f },
+                 { GPU_D_COARSE, f },
+                 { GPU_PLACE, 4 * n },
+                 { GPU_OFFSET4, 4 * n },
+                 { GPU_SHIFT, 4 * n },
+                 { GPU_LOG2, 4 * n },
+                 { GPU_D_LOG2, 4 * n },
+                 { GPU_D_PLACE, 4 * n },
+                 { GPU_D_OFFSET, 4 * n },
+                 { GPU_SIZE + SAGA_KIND_PRIM, 5 * n },
+                 { GPU_VALUE4 + SAGA_KIND_PRIM, 4 * n },
+                 { GPU_FINE_IN, n * s->list[0].n_in } };
+
+    for (size_t i = 0; i < sizeof need / sizeof need[0]; i++)
+        if (!saga_gpu_room(g, need[i].buffer, need[i].n * sizeof(real), what,
+                           error))
+            return false;
+    return saga_gpu_layers_room(g, s, what, error);
+}
+
+bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,
+                              const saga_gpu_turn *t, saga_error *error)
+{
+    const saga_gpu_layers s = layers_of(t);
+    const size_t n = t->n;
+    saga_gpu_way up, down;
+    size_t at = t->base;
+
+    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
+    if (!make_room(g, &s, t, error) ||
+        !saga_gpu_ways_room(g, &up, 1, what, error))
+        return false;
+    saga_gpu_ways_pack(g, &up, 1);
+    saga_gpu_begin(g->gpu);
+    saga_gpu_ways_send(g, &up, 1);
+    record_features(g, b, t);
+    /* Positions are in supports of the iteration before. */
+    record_places(g, t);
+    record_fine(g, &s, t);
+    /* A picture may be of the first primitives only. */
+    clear(g, GPU_D_FEATURE, n * t->features);
+    clear(g, GPU_D_PLACE, 4 * n);
+    clear(g, GPU_D_LOG2, 4 * n);
+    return saga_gpu_finish(g->gpu, error);
+}
+
+/* --- Backward ------------------------------------------------------------ */
+
+static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
+                            const saga_gpu_layers *s, const saga_gpu_turn *t)
+{
+    const double c1 = 1 - pow((double)t->adam->beta1, (double)t->step);
+    const double c2 = 1 - pow((double)t->adam->beta2, (double)t->step);
+    const real reals[] = {
+        t->least_x,     t->least_t,     t->most_offset,
+        t->price,       t->adam->beta1, t->adam->beta2,
+        t->adam->eps,   t->adam->most,  R((double)t->prim_rate / c1),
+        R(1 / sqrt(c2))
+    };
+    uint32_t push[12] = { t->n, (uint32_t)t->features };
+    const int list[] = { GPU_D_FEATURE,         GPU_D_PLACE, GPU_D_LOG2,
+                         GPU_D_OFFSET,          GPU_SHIFT,   GPU_FINE_X,
+                         GPU_SUPPORT,           GPU_LOG2,    GPU_OFFSET4,
+                         s->list[s->n - 1].d_y, GPU_PRIM };
+    enum { N = sizeof list / sizeof list[0] };
+    saga_gpu_job job = { .kernel = SAGA_KERNEL_LEARN_PLACES,
+                         .push = push,
+                         .push_nbytes = sizeof push,
+                         .n_groups = (uint32_t)saga_gpu_groups(
+                             (size_t)t->n * (t->features + 4)) };
+
+    memcpy(push + 2, reals, sizeof reals);
+    for (int i = 0; i < N; i++)
+        job.buffer[i] = &g->on[list[i]];
+    job.buffer[N] = saga_gpu_blocks_flag(b);
+    saga_gpu_run(g->gpu, &job);
+}
+
+bool saga_gpu_anchors_backward(saga_gpu_canvas *g, saga_gpu_blocks *b,
+                               const saga_gpu_turn *t, saga_error *error)
+{
+    const saga_gpu_layers s = layers_of(t);
+    saga_gpu_way up, down;
+    size_t at = t->base;
+
+    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
+    if (!saga_gpu_blocks_room(b, t->blocks, error) ||
+        !saga_gpu_ways_room(g, &up, 1, what, error) ||
+        !saga_gpu_ways_back(g, &down, 1, what, error))
+        return false;
+    /* The rate may have made the buffer of parameters larger, which lost them.
+     */
+    saga_gpu_ways_pack(g, &up, 1);
+    saga_gpu_begin(g->gpu);
+    saga_gpu_ways_send(g, &up, 1);
+    saga_gpu_blocks_begin(b);
+    record_learning(g, b, &s, t);
+    saga_gpu_layers_backward(g, &s, 0, s.n);
+    saga_gpu_layers_sum(g, &s);
+    saga_gpu_blocks_record(b, t->blocks, t->adam, t->step,
+                           &g->on[GPU_D_COARSE]);
+    saga_gpu_ways_fetch(g, &down, 1);
+    if (!saga_gpu_finish(g->gpu, error) ||
+        !saga_gpu_blocks_are_sound(b, t->step, error))
+        return false;
+    saga_gpu_ways_take(g, &down, 1);
+    return true;
+}

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: MIT */
+#include "fit_stay.h"
+
+#include "gpu_anchors.h"
+#include "suffix.h"
+
+bool saga_fit_can_stay(const saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    saga_scene d = f->grad;
+    saga_twin w = f->twin;
+    const saga_away away = { .twin = &w, .scene = s, .d = &d };
+    const bool chooses = saga_fit_is_rounding(f) && !f->o.given &&
+                         !f->rate.decision.decided;
+
+    return f->gpu && f->descent.away && !chooses &&
+           f->iteration % SAGA_FIT_REFRESH_EVERY != 0 &&
+           !saga_fit_rounds_layers(f) && saga_away_can(f->o.gpu, &away) &&
+           saga_away_can_rate(f->o.gpu, &f->rate, s);
+}
+
+/* --- What stays ---------------------------------------------------------- */
+
+static saga_gpu_anchors anchors_of(saga_fit *f)
+{
+    saga_scene *const s = f->scene;
+    const size_t at = (size_t)(s->prim_x - s->reals);
+
+    return (saga_gpu_anchors){ .n = s->n.prim,
+                               .fine_x = s->fine_x,
+                               .fine_offset = f->twin.fine_offset,
+                               .level = f->level,
+                               .prim_x = s->prim_x,
+                               .m = f->descent.m + at,
+                               .v = f->descent.v + at,
+                               .support = f->twin.support,
+                               .offset = f->twin.prim_offset,
+                               .mu = { [SAGA_KIND_COARSE] = f->rate.mu_feature,
+                                       [SAGA_KIND_PRIM] = f->rate.mu_offset } };
+}
+
+/* Copies to the device what it does not have. */
+static bool go_there(saga_fit *f, const saga_block_adam *features,
+                     saga_error *error)
+{
+    const saga_gpu_anchors a = anchors_of(f);
+    saga_descent *const d = &f->descent;
+
+    d->is_away = d->is_away || saga_gpu_blocks_put(d->away, features, error);
+    f->is_rated_away = d->is_away &&
+                       (f->is_rated_away ||
+                        saga_away_put_rate(f->gpu, &f->rate, f->scene, error));
+    f->is_there = f->is_rated_away &&
+                  (f->is_there || saga_gpu_anchors_put(f->gpu, &a, error));
+    return f->is_there;
+}
+
+bool saga_fit_look(saga_fit *f, saga_error *error)
+{
+    const saga_block_adam features = saga_fit_features(f);
+    const saga_gpu_anchors a = anchors_of(f);
+
+    f->is_newer_there =
+        f->is_newer_there &&
+        !(saga_gpu_blocks_look(f->descent.away, &features, error) &&
+          saga_gpu_anchors_get(f->gpu, &a, features.stride, error));
+    return !f->is_newer_there;
+}
+
+bool saga_fit_bring(saga_fit *f, saga_error *error)
+{
+    saga_descent *const d = &f->descent;
+    const saga_block_adam features = saga_fit_features(f);
+
+    /* After a failure the host's older state must not pass for the new one. */
+    d->is_newer = d->is_newer &&
+                  !saga_gpu_blocks_get(d->away, &features, error);
+    return !d->is_newer && saga_fit_look(f, error);
+}
+
+/* --- An iteration -------------------------------------------------------- */
+
+static saga_gpu_turn turn_of(saga_fit *f, const saga_block_adam *features,
+                             const saga_adam *adam)
+{
+    const saga_scene *const s = &f->used;
+
+    return (saga_gpu_turn){
+        .n = s->n.prim,
+        .features = s->model.features,
+        .rounding = saga_fit_is_rounding(f),
+        .feature_key = saga_fit_noise(f, SAGA_STREAM_NOISE).key,
+        .offset_key = saga_fit_noise(f, SAGA_STREAM_OFFSET).key,
+        .feature_step = R(saga_fit_feature_step(s)),
+        .prim_step = R(saga_rate_prim_step(s)),
+        .suffix_bits = s->model.tier[SAGA_TIER_FINE].suffix_bits,
+        .most_offset = R(SAGA_OFFSET_MAX),
+        .least_x = saga_twin_least_support(0),
+        .least_t = saga_twin_least_support(3),
+        .price = SAGA_FIT_ANCHOR_PRICE / R(4 * s->n.prim),
+        .fine = &s->net[SAGA_NET_FINE],
+        .d_fine = &f->grad.net[SAGA_NET_FINE],
+        .base = saga_away_n_params(s),
+        .adam = adam,
+        .step = (uint64_t)f->iteration + 1,
+        .prim_rate = saga_fit_rates_now(f).prim,
+        .blocks = features
+    };
+}
+
+bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
+                   uint32_t n_drawn, saga_error *error)
+{
+    const saga_adam adam = saga_adam_default();
+    const saga_block_adam features = saga_fit_features(f);
+    const saga_gpu_turn t = turn_of(f, &features, &adam);
+    const saga_away away = {
+        .twin = &f->twin, .scene = &f->used, .d = &f->grad, .is_there = true
+    };
+    const saga_rate_input x = { f->scene, &f->twin, NULL };
+    const saga_rate_options o = saga_fit_rate_options(f);
+
+    if (!go_there(f, &features, error))
+        return false;
+    f->is_newer_there = f->descent.is_newer = true;
+    return saga_gpu_anchors_forward(f->gpu, f->descent.away, &t, error) &&
+           saga_gpu_show(f->gpu, &f->canvas, picture, error) &&
+           saga_away_learn(f->gpu, mse, &away, n_drawn, &f->canvas, error) &&
+           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, &x, &o, error) &&
+           saga_gpu_anchors_backward(f->gpu, f->descent.away, &t, error);
+}
