@@ -12,6 +12,8 @@
 #include "rate_scene.h"
 #include "testing.h"
 
+#include <omp.h>
+
 /* Makes networks that give their kinds' constants for any input. */
 static void begin_as_constants(rate_scene *f)
 {
@@ -344,6 +346,27 @@ TEST(features_should_be_rounded_as_they_are_coded)
 }
 
 /* --- Rows of costs ------------------------------------------------------- */
+
+/* Chunks of rows must not write where others do, whatever source they are at.
+ * If they did, some of the runs would differ. */
+TEST(threads_should_give_the_same_bits)
+{
+    double first[SAGA_N_STEPS], bits[SAGA_N_STEPS];
+    FREED_BY(rate_scene_free) rate_scene f;
+
+    saga_set_least_work(0);
+    omp_set_num_threads(4);
+    rate_scene_init(&f, 3);
+    for (int i = 0; i < 100; i++) {
+        const saga_rate_input x = { &f.s, &f.w, f.s.coarse_feature };
+
+        omp_set_num_threads(i ? 4 : 1);
+        saga_rate_add(i ? bits : first, &f.r, &f.d, &x, &f.o);
+        if (i)
+            assert_memory_equal(bits, first, sizeof bits);
+    }
+    omp_set_num_threads(1);
+}
 
 static double off(real x, double want, double least)
 {

@@ -134,7 +134,9 @@ static void groups_forward(real *in, const job *j, saga_range of)
 {
     const int is_coarse = j->kind == SAGA_KIND_COARSE;
     const size_t have = is_coarse ? j->f : SAGA_RATE_OFFSETS;
-    real *const scratch = j->c->scratch;
+    /* Chunks have F reals for each of their rows; other threads use those of
+     * others, also for sources with more columns. */
+    real *const scratch = j->c->scratch + of.begin * (j->f - have);
     size_t i;
 
     saga_links_gather(scratch, &j->k->groups,
