@@ -7,6 +7,8 @@
  * device; the first one is the default. Without a device the test is skipped.
  */
 #include "fit_away.h"
+#include "gpu_state.h"
+#include "gpu_ways.h"
 #include "gpu_world.h"
 #include "near.h"
 #include "rng.h"
@@ -122,7 +124,7 @@ static void link_own(saga_links *l)
 
 /* --- Both ways ----------------------------------------------------------- */
 
-/* A twin of the scene, and gradients. */
+/* A twin of the scene, and gradients: of networks, and of what they read. */
 typedef struct {
     saga_scene d;
     saga_twin w;
@@ -131,18 +133,14 @@ typedef struct {
 
 static void begin(result *r, const saga_scene *s)
 {
-    const saga_rng rng = saga_rng_stream(3, 2);
-
     assert_done(saga_scene_init(&r->d, &s->model, s->n, 1, 0, &error));
     memset(r->d.reals, 0, r->d.n_reals * sizeof(real));
     assert_done(saga_twin_init(&r->w, s, &error));
     link_own(&r->w.to_fine);
     link_own(&r->w.to_prim);
     saga_twin_note_own(&r->w, s);
-    for (size_t i = 0; i < 4 * (size_t)N; i++)
-        r->w.prim_shift[i] = R(0.01) * (saga_rng_float(rng, i) - R(0.5));
     /* Offsets are in the supports of the last pass. */
-    saga_twin_fine_forward(&r->w, s, s->coarse_feature);
+    saga_twin_geometry(&r->w, s, s->coarse_feature);
     saga_twin_offsets(&r->w, s);
     saga_twin_clear(&r->w, s);
 }
@@ -165,19 +163,36 @@ static void on_host(result *r, saga_canvas *c, const saga_scene *s, uint32_t n)
     saga_twin_backward(&r->w, &r->d, s);
 }
 
+/* Takes what the networks read to the device, and the gradients back. */
 static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
                    const saga_canvas *c, const saga_scene *s, uint32_t n)
 {
+    const saga_away a = { .twin = &r->w, .scene = s, .d = &r->d };
+    const size_t f = (size_t)N * FEATURES, zeros = f > 4 * N ? f : 4 * N;
+    FREED real *const zero = zeroed(zeros, sizeof *zero);
     real level[2 * N];
-    const saga_away a = {
-        .twin = &r->w, .scene = s, .d = &r->d, .level = level
+    const saga_gpu_way up[] = {
+        { .buffer = GPU_FEATURE, .n = f, .from = r->w.fine_feature },
+        { .buffer = GPU_PLACE, .n = 4 * N, .from = s->prim_x },
+        { .buffer = GPU_OFFSET4, .n = 4 * N, .from = r->w.prim_offset },
+        { .buffer = GPU_SUPPORT, .n = 4 * N, .from = r->w.support },
+        { .buffer = GPU_LEVEL, .n = 2 * N, .from = level },
+        { .buffer = GPU_D_FEATURE, .n = f, .from = zero },
+        { .buffer = GPU_D_PLACE, .n = 4 * N, .from = zero },
+        { .buffer = GPU_D_LOG2, .n = 4 * N, .from = zero }
+    };
+    const saga_gpu_way down[] = {
+        { .buffer = GPU_D_FEATURE, .n = f, .to = r->w.d_fine_feature },
+        { .buffer = GPU_D_PLACE, .n = 4 * N, .to = r->d.prim_x },
+        { .buffer = GPU_D_LOG2, .n = 4 * N, .to = r->w.d_log2_support }
     };
 
+    saga_twin_geometry(&r->w, s, s->coarse_feature);
     saga_away_levels(level, s);
     assert_true(saga_away_can(gpu, &a));
-    saga_twin_fine_forward(&r->w, s, s->coarse_feature);
+    assert_done(saga_gpu_ways_put(g, up, 8, "values", &error));
     assert_done(saga_away_learn(g, &r->mse, &a, n, c, &error));
-    saga_twin_fine_backward(&r->w, &r->d, s);
+    assert_done(saga_gpu_ways_get(g, down, 3, "gradients", &error));
 }
 
 /* --- The comparison ------------------------------------------------------ */
@@ -195,8 +210,7 @@ static bool nets_are_near(const variant *v, const saga_scene *a,
     static const struct {
         int net;
         const char *name;
-    } list[] = { { SAGA_NET_FINE, "F_fine" },
-                 { SAGA_NET_GEO, "F_geo" },
+    } list[] = { { SAGA_NET_GEO, "F_geo" },
                  { SAGA_NET_COLOUR_BASE, "base" },
                  { SAGA_NET_COLOUR_VIEW, "view" },
                  { SAGA_NET_COLOUR, "colour" } };
@@ -235,11 +249,15 @@ static bool agree(world *w, saga_gpu_canvas *g, const variant *v)
     on_host(&host, &c, &s, v->drawn);
     ok = is_near(v->name, "error", &(real){ R(away.mse) },
                  &(real){ R(host.mse) }, 1, 1e-5);
-    ok = agrees(v->name, "features", away.d.coarse_feature,
-                host.d.coarse_feature, (size_t)N * FEATURES) &&
+    ok = agrees(v->name, "features", away.w.d_fine_feature,
+                host.w.d_fine_feature, (size_t)N * FEATURES) &&
          ok;
     ok = agrees(v->name, "positions", away.d.prim_x, host.d.prim_x,
                 4 * (size_t)N) &&
+         ok;
+    /* What stands still has none. */
+    ok = is_near(v->name, "supports", away.w.d_log2_support,
+                 host.w.d_log2_support, 4 * (size_t)N, 1e-4) &&
          ok;
     ok = nets_are_near(v, &away.d, &host.d) && ok;
     return ok;

@@ -8,6 +8,8 @@
  * skipped.
  */
 #include "away_rate.h"
+#include "gpu_state.h"
+#include "gpu_ways.h"
 #include "gpu_world.h"
 #include "near.h"
 #include "rate_bits.h"
@@ -72,14 +74,59 @@ static saga_rate_input input_of(rate_scene *f)
     return (saga_rate_input){ &f->s, &f->w, f->s.coarse_feature };
 }
 
-static void rate_away(double bits[SAGA_N_STEPS], saga_gpu *gpu,
-                      saga_gpu_canvas *g, rate_scene *f)
-{
-    const saga_rate_input x = input_of(f);
+/* What a device evaluates, with the gradients of values in the scene's places,
+ * but those of primitives' offsets. */
+typedef struct {
+    double bits[SAGA_N_STEPS];
+    real *d_offset; /* (n, 4) to be freed */
+} rated;
 
+/* Takes values to the device, and gradients and means back. */
+static rated rate_away(saga_gpu *gpu, saga_gpu_canvas *g, rate_scene *f)
+{
+    saga_rate_kind *const prim = &f->r.context.kind[SAGA_KIND_PRIM];
+    const saga_rate_input x = input_of(f);
+    const size_t n = f->s.n.coarse, m = n * f->s.model.features;
+    rated r = { .d_offset = zeroed(4 * n, sizeof *r.d_offset) };
+    FREED real *const value = zeroed(4 * n, sizeof *value);
+    FREED real *const zero = zeroed(m > 4 * n ? m : 4 * n, sizeof *zero);
+    const saga_gpu_way up[] = {
+        { .buffer = GPU_COARSE, .n = m, .from = x.feature },
+        { .buffer = GPU_FEATURE, .n = m, .from = f->w.fine_feature },
+        { .buffer = GPU_SIZE + SAGA_KIND_PRIM, .n = 5 * n, .from = prim->size },
+        { .buffer = GPU_VALUE4 + SAGA_KIND_PRIM, .n = 4 * n, .from = value },
+        { .buffer = GPU_MU + SAGA_KIND_COARSE, .n = m, .from = zero },
+        { .buffer = GPU_MU + SAGA_KIND_PRIM, .n = 4 * n, .from = zero },
+        { .buffer = GPU_D_COARSE, .n = m, .from = zero },
+        { .buffer = GPU_D_FEATURE, .n = m, .from = zero },
+        { .buffer = GPU_D_OFFSET, .n = 4 * n, .from = zero }
+    };
+    const saga_gpu_way down[] = {
+        { .buffer = GPU_D_COARSE, .n = m, .to = f->d.coarse_feature },
+        { .buffer = GPU_D_FEATURE, .n = m, .to = f->w.d_fine_feature },
+        { .buffer = GPU_D_OFFSET, .n = 4 * n, .to = r.d_offset },
+        { .buffer = GPU_MU + SAGA_KIND_COARSE, .n = m, .to = f->r.mu_feature },
+        { .buffer = GPU_MU + SAGA_KIND_PRIM, .n = 4 * n, .to = f->r.mu_offset }
+    };
+
+    for (uint32_t i = 0; i < n; i++) {
+        double y[SAGA_RATE_ROW];
+
+        saga_rate_place_prims(prim, &f->s, &f->w, &i, 1);
+        saga_rate_read_block(y, &f->r, &x, SAGA_KIND_PRIM, i);
+        for (size_t k = 0; k < 4; k++)
+            value[4 * i + k] = R(y[k]);
+    }
+    /* The host measures constants in each evaluation. */
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        if (kind != SAGA_KIND_FINE && !f->r.context.keep[kind])
+            saga_rate_measure(&f->r, &x, kind);
     assert_true(saga_away_can_rate(gpu, &f->r, &f->s));
+    assert_done(saga_gpu_ways_put(g, up, 9, "values", &error));
     assert_done(saga_away_put_rate(g, &f->r, &f->s, &error));
-    assert_done(saga_away_rate(bits, g, &f->r, &f->d, &x, &f->o, &error));
+    assert_done(saga_away_rate(r.bits, g, &f->r, &f->d, &f->s, &f->o, &error));
+    assert_done(saga_gpu_ways_get(g, down, 5, "gradients", &error));
+    return r;
 }
 
 /* --- Comparisons --------------------------------------------------------- */
@@ -116,7 +163,8 @@ static bool nets_are_near(const char *name, const rate_scene *a,
 static bool agree(saga_gpu *gpu, saga_gpu_canvas *g, const variant *v)
 {
     FREED_BY(rate_scene_free) rate_scene host, away;
-    double bits[2][SAGA_N_STEPS];
+    double bits[SAGA_N_STEPS];
+    rated r;
     saga_rate_input x;
     size_t n, f;
     bool ok = true;
@@ -126,11 +174,11 @@ static bool agree(saga_gpu *gpu, saga_gpu_canvas *g, const variant *v)
     n = host.s.n.coarse;
     f = host.s.model.features;
     x = input_of(&host);
-    saga_rate_add(bits[0], &host.r, &host.d, &x, &host.o);
-    rate_away(bits[1], gpu, g, &away);
+    saga_rate_add(bits, &host.r, &host.d, &x, &host.o);
+    r = rate_away(gpu, g, &away);
     for (int k = 0; k < SAGA_N_STEPS; k++)
-        ok = is_near(v->name, "bits", &(real){ R(bits[1][k]) },
-                     &(real){ R(bits[0][k]) }, 1, 1e-5) &&
+        ok = is_near(v->name, "bits", &(real){ R(r.bits[k]) },
+                     &(real){ R(bits[k]) }, 1, 1e-5) &&
              ok;
     ok = is_near(v->name, "features", away.d.coarse_feature,
                  host.d.coarse_feature, n * f, 1e-4) &&
@@ -138,11 +186,11 @@ static bool agree(saga_gpu *gpu, saga_gpu_canvas *g, const variant *v)
     ok = is_near(v->name, "fine features", away.w.d_fine_feature,
                  host.w.d_fine_feature, n * f, 1e-4) &&
          ok;
-    ok = is_near(v->name, "positions", away.d.prim_x, host.d.prim_x, 4 * n,
+    /* Those of offsets are in supports, and none is clamped. */
+    for (size_t i = 0; i < 4 * n; i++)
+        r.d_offset[i] /= host.w.support[i];
+    ok = is_near(v->name, "positions", r.d_offset, host.d.prim_x, 4 * n,
                  1e-4) &&
-         ok;
-    ok = is_near(v->name, "supports", away.w.d_log2_support,
-                 host.w.d_log2_support, 4 * n, 1e-4) &&
          ok;
     ok = nets_are_near(v->name, &away, &host) && ok;
     ok = means_are_near(v->name, away.r.mu_feature, host.r.mu_feature, n * f,
@@ -151,6 +199,7 @@ static bool agree(saga_gpu *gpu, saga_gpu_canvas *g, const variant *v)
     ok = means_are_near(v->name, away.r.mu_offset, host.r.mu_offset, 4 * n,
                         R(1) / 16384) &&
          ok;
+    free(r.d_offset);
     return ok;
 }
 
@@ -176,7 +225,8 @@ TEST(a_cost_should_be_that_of_double)
     saga_gpu_canvas *g;
     const variant v = { "", { 0, 0, 0 }, false, true, 0, 1, 1, 10 };
     FREED_BY(rate_scene_free) rate_scene f;
-    double bits[SAGA_N_STEPS], sum = 0;
+    double sum = 0;
+    rated r;
     saga_rate_constants c = { .mean = { { 0 } } };
     real *slope;
     size_t n_features, n;
@@ -205,9 +255,11 @@ TEST(a_cost_should_be_that_of_double)
         sum += cost.bits;
         slope[i] = R((double)f.o.weight * cost.d_v / step);
     }
-    rate_away(bits, w->gpu, g, &f);
+    r = rate_away(w->gpu, g, &f);
+    free(r.d_offset);
     saga_gpu_canvas_free(g);
-    assert_true(is_near("double", "bits", &(real){ R(bits[SAGA_STEP_FEATURE]) },
+    assert_true(is_near("double", "bits",
+                        &(real){ R(r.bits[SAGA_STEP_FEATURE]) },
                         &(real){ R(sum) }, 1, 1e-5));
     assert_true(
         is_near("double", "features", f.d.coarse_feature, slope, n, 1e-4));

@@ -129,6 +129,24 @@ typedef struct {
  * shared among threads. */
 enum { PART = 32, VALUE_NS = 15 };
 
+/* Adds the gradient of channel c of a primitive's offset to its position and,
+ * since the unit of an offset is the support of its fine anchor, to that
+ * support. An offset that is clamped has no gradient. */
+static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
+                         double d)
+{
+    saga_twin *const w = j->x->twin;
+    const size_t at = 4 * prim + c, to = 4 * fine + c;
+    const double o = (double)w->prim_offset[at];
+
+    if (fabs(o) >= SAGA_OFFSET_MAX)
+        return;
+    /* o = (x - centre) / support, so do / dx = 1 / support and do / d(log2
+     * support) = -o ln 2. */
+    j->d->prim_x[at] += R(d / (double)w->support[to]);
+    w->d_log2_support[to] -= R(d * o * M_LN2);
+}
+
 /* Returns a value of an anchor's or primitive's position as its distance from
  * mu in steps, from `off`, the same in the value's unit; i is its number in the
  * block. */
@@ -241,8 +259,8 @@ static void add_block(const job *j, size_t at)
         take_costs(&bits[saga_rate_step_of(j->kind, 0)], &e, j, &cost, n,
                    (saga_range){ 0, 4 });
         for (size_t c = 0; j->kind == SAGA_KIND_PRIM && c < 4; c++)
-            saga_rate_learn_offset(j->d, j->x->twin, e.block,
-                                   s->fine[e.block].first_prim + i, c, e.d[c]);
+            learn_offset(j, e.block, s->fine[e.block].first_prim + i, c,
+                         e.d[c]);
     }
     if (j->kind != SAGA_KIND_COARSE)
         return;
@@ -289,7 +307,10 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
                                     .fine = j->x->twin->d_fine_feature };
     size_t i, c;
 
-    saga_rate_measure_again(r, j->x, j->kind);
+    /* Fine offsets do not change between refreshes. */
+    if (!saga_rate_sources(&r->context, s, j->kind) &&
+        j->kind != SAGA_KIND_FINE)
+        saga_rate_measure(r, j->x, j->kind);
     predict(r, j->x, j->kind, list, r->offset);
     j->list = list;
     saga_parallel(&(saga_tasks){

@@ -66,20 +66,6 @@ void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,
         to[i] = R(rint((double)(scale * mu[first + i]))) / scale;
 }
 
-void saga_rate_learn_offset(saga_scene *d, saga_twin *w, size_t fine,
-                            size_t prim, size_t c, double g)
-{
-    const size_t at = 4 * prim + c, to = 4 * fine + c;
-    const double o = (double)w->prim_offset[at];
-
-    if (fabs(o) >= SAGA_OFFSET_MAX)
-        return;
-    /* o = (x - centre) / support, so do / dx = 1 / support and do / d(log2
-     * support) = -o ln 2. */
-    d->prim_x[at] += R(g / (double)w->support[to]);
-    w->d_log2_support[to] -= R(g * o * M_LN2);
-}
-
 static double nearest(double x, double mu, double step)
 {
     return mu + floor((x - mu) / step + 0.5) * step;

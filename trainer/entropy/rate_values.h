@@ -11,8 +11,6 @@
 #define saga_rate_step_size SAGA_REAL_NAME(saga_rate_step_size)
 #define saga_rate_read_block SAGA_REAL_NAME(saga_rate_read_block)
 #define saga_rate_remember_mu SAGA_REAL_NAME(saga_rate_remember_mu)
-#define saga_rate_learn_offset SAGA_REAL_NAME(saga_rate_learn_offset)
-#define saga_rate_measure_again SAGA_REAL_NAME(saga_rate_measure_again)
 
 /* Returns the step of channel c of a kind, in the value's unit. */
 double saga_rate_step_size(const saga_model *m, int kind, size_t c);
@@ -42,21 +40,5 @@ static inline bool saga_rate_has(saga_class class, size_t c)
  * later rounded against it. */
 void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,
                            size_t block, const real *mu);
-
-/* Adds the gradient of channel c of a primitive's offset to its position and,
- * since the unit of an offset is the support of its fine anchor, to that
- * support. An offset that is clamped has no gradient. */
-void saga_rate_learn_offset(saga_scene *d, saga_twin *w, size_t fine,
-                            size_t prim, size_t c, double g);
-
-/* Measures the constants of a kind without sources, whose values have changed
- * since. Fine offsets do not change between refreshes. */
-static inline void saga_rate_measure_again(saga_rate *r,
-                                           const saga_rate_input *x, int kind)
-{
-    if (!saga_rate_sources(&r->context, x->scene, kind) &&
-        kind != SAGA_KIND_FINE)
-        saga_rate_measure(r, x, kind);
-}
 
 #endif

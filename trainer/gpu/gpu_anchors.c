@@ -10,14 +10,32 @@
 
 static const char what[] = "anchors";
 
-static uint32_t n_learned(size_t features, int kind)
-{
-    return kind == SAGA_KIND_COARSE ? (uint32_t)features
-           : kind == SAGA_KIND_PRIM ? 4
-                                    : 0;
-}
-
 /* --- What stays ---------------------------------------------------------- */
+
+enum { N_MOVING = 7 };
+
+/* Lists what steps change; offsets come last. */
+static void list_moving(saga_gpu_way ways[N_MOVING], const saga_gpu_anchors *a)
+{
+    const size_t n = 4 * (size_t)a->n;
+    const saga_gpu_way list[N_MOVING] = {
+        { .buffer = GPU_PRIM, .n = n, .to = a->prim_x },
+        { .buffer = GPU_PRIM, .at = n, .n = n, .to = a->m },
+        { .buffer = GPU_PRIM, .at = 2 * n, .n = n, .to = a->v },
+        { .buffer = GPU_SUPPORT, .n = n, .to = a->support },
+        { .buffer = GPU_MU + SAGA_KIND_COARSE,
+          .n = a->n * a->features,
+          .to = a->mu_feature },
+        { .buffer = GPU_MU + SAGA_KIND_PRIM, .n = n, .to = a->mu_offset },
+        { .buffer = GPU_OFFSET4, .n = n, .to = a->offset }
+    };
+
+    for (int i = 0; i < N_MOVING; i++) {
+        ways[i] = list[i];
+        ways[i].from = list[i].to;
+        ways[i].replaces = true;
+    }
+}
 
 bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
                           saga_error *error)
@@ -26,41 +44,25 @@ bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
     const saga_gpu_way ways[] = {
         { .buffer = GPU_FINE_X, .n = n, .from = a->fine_x },
         { .buffer = GPU_FINE_EMBED, .n = n, .from = a->fine_offset },
-        { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level },
-        { .buffer = GPU_SUPPORT, .n = n, .from = a->support },
-        { .buffer = GPU_PRIM, .n = n, .from = a->prim_x },
-        { .buffer = GPU_PRIM, .at = n, .n = n, .from = a->m },
-        { .buffer = GPU_PRIM, .at = 2 * n, .n = n, .from = a->v }
+        { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level }
     };
+    saga_gpu_way moving[N_MOVING];
 
+    list_moving(moving, a);
     /* A buffer that grows loses its content, so it must have its size at first.
      */
     return saga_gpu_room(g, GPU_PRIM, 3 * n * sizeof(real), what, error) &&
-           saga_gpu_ways_put(g, ways, sizeof ways / sizeof ways[0], what,
-                             error);
+           saga_gpu_ways_put(g, ways, 3, what, error) &&
+           saga_gpu_ways_put(g, moving, N_MOVING - 1, what, error);
 }
 
 bool saga_gpu_anchors_get(saga_gpu_canvas *g, const saga_gpu_anchors *a,
-                          size_t features, saga_error *error)
+                          saga_error *error)
 {
-    const size_t n = 4 * (size_t)a->n;
-    saga_gpu_way ways[5 + SAGA_N_KINDS] = {
-        { .buffer = GPU_PRIM, .n = n, .to = a->prim_x },
-        { .buffer = GPU_PRIM, .at = n, .n = n, .to = a->m },
-        { .buffer = GPU_PRIM, .at = 2 * n, .n = n, .to = a->v },
-        { .buffer = GPU_SUPPORT, .n = n, .to = a->support },
-        { .buffer = GPU_OFFSET4, .n = n, .to = a->offset }
-    };
-    int n_ways = 5;
+    saga_gpu_way moving[N_MOVING];
 
-    for (int k = 0; k < SAGA_N_KINDS; k++)
-        if (a->mu[k])
-            ways[n_ways++] = (saga_gpu_way){ .buffer = GPU_MU + k,
-                                             .n = a->n * n_learned(features, k),
-                                             .to = a->mu[k] };
-    for (int i = 0; i < n_ways; i++)
-        ways[i].replaces = true;
-    return saga_gpu_ways_get(g, ways, n_ways, what, error);
+    list_moving(moving, a);
+    return saga_gpu_ways_get(g, moving, N_MOVING, what, error);
 }
 
 /* --- Forward ------------------------------------------------------------- */

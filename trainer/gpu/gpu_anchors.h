@@ -6,8 +6,7 @@
  * before the networks of primitives and after the rate.
  *
  * An iteration is saga_gpu_anchors_forward, saga_gpu_learn_prims, saga_gpu_rate
- * and saga_gpu_anchors_backward; the middle ones are told that what they read
- * is there.
+ * and saga_gpu_anchors_backward.
  */
 #ifndef SAGA_GPU_ANCHORS_H
 #define SAGA_GPU_ANCHORS_H
@@ -20,13 +19,15 @@
  * are those of gpu_blocks.h. */
 typedef struct saga_gpu_anchors {
     uint32_t n;
+    size_t features;
     const real *fine_x;      /* (n, 4) of fine anchors */
     const real *fine_offset; /* (n, 4) which F_fine embeds */
     const real *level;       /* (n, 2) log2 of half a cell, in space and time */
     real *prim_x, *m, *v;    /* (n, 4) positions, and their moments */
     real *support;           /* (n, 4) of the last iteration */
     real *offset;            /* (n, 4) likewise; comes back only */
-    real *mu[SAGA_N_KINDS];  /* as saga_gpu_rates; come back only */
+    real *mu_feature;        /* (n, features) means of the last evaluations, */
+    real *mu_offset;         /* (n, 4) in the coded format */
 } saga_gpu_anchors;
 
 /* How anchors learn in an iteration. */
@@ -53,7 +54,7 @@ typedef struct saga_gpu_turn {
 bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
                           saga_error *error);
 bool saga_gpu_anchors_get(saga_gpu_canvas *g, const saga_gpu_anchors *a,
-                          size_t features, saga_error *error);
+                          saga_error *error);
 
 /* Sets the features, positions and supports of an iteration. */
 bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,

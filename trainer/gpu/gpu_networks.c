@@ -9,16 +9,15 @@
 
 static const char what[] = "networks of primitives";
 
-/* Outputs of F_geo, and arrays that go up or down. */
-enum { MOST_GEO = 256, MOST_WAYS = 10 };
+/* Outputs of F_geo; networks that go up, with a table, and down. */
+enum { MOST_GEO = 256, N_UP = SAGA_GPU_N_NETS + 1, N_DOWN = SAGA_GPU_N_NETS };
 
 struct saga_gpu_networks {
     const saga_gpu_prims *p;
     saga_gpu_layers layers;
     int geo, colour; /* the last layers of F_geo and of the colour */
     uint32_t part[MOST_GEO][2];
-    saga_gpu_way up[MOST_WAYS], down[MOST_WAYS];
-    int n_up, n_down;
+    saga_gpu_way up[N_UP], down[N_DOWN];
 };
 
 /* --- Layers -------------------------------------------------------------- */
@@ -142,31 +141,14 @@ static void set_parts(saga_gpu_networks *s)
 
 static void list_ways(saga_gpu_networks *s)
 {
-    const saga_gpu_prims *const p = s->p;
-    /* What the device has does not move. */
-    const size_t n = p->is_there ? 0 : p->n, f = n * p->features;
-    const saga_gpu_way up[] = {
-        { .buffer = GPU_FEATURE, .n = f, .from = p->feature },
-        { .buffer = GPU_PLACE, .n = 4 * n, .from = p->place },
-        { .buffer = GPU_OFFSET4, .n = 4 * n, .from = p->offset },
-        { .buffer = GPU_SUPPORT, .n = 4 * n, .from = p->support },
-        { .buffer = GPU_LEVEL, .n = 2 * n, .from = p->level },
-        { .buffer = GPU_PART, .n = 2 * n_geo(s), .from = s->part }
-    };
-    const saga_gpu_way down[] = {
-        { .buffer = GPU_D_FEATURE, .n = f, .to = p->d_feature },
-        { .buffer = GPU_D_PLACE, .n = 4 * n, .to = p->d_place },
-        { .buffer = GPU_D_LOG2, .n = 4 * n, .to = p->d_log2_support }
-    };
     size_t at = 0;
 
-    memcpy(s->up, up, sizeof up);
-    memcpy(s->down, down, sizeof down);
-    s->n_up = sizeof up / sizeof up[0];
-    s->n_down = sizeof down / sizeof down[0];
     for (int k = 0; k < SAGA_GPU_N_NETS; k++)
-        saga_gpu_layers_ways(s->up + s->n_up++, s->down + s->n_down++, &at,
-                             p->net[k], p->d_net[k]);
+        saga_gpu_layers_ways(&s->up[k], &s->down[k], &at, s->p->net[k],
+                             s->p->d_net[k]);
+    s->up[SAGA_GPU_N_NETS] = (saga_gpu_way){ .buffer = GPU_PART,
+                                             .n = 2 * n_geo(s),
+                                             .from = s->part };
 }
 
 static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
@@ -178,9 +160,6 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
         int buffer;
         size_t n;
     } need[] = { { GPU_VALUE, n * saga_attrs_width(p->attrs) },
-                 { GPU_D_FEATURE, n * p->features },
-                 { GPU_D_PLACE, 4 * n },
-                 { GPU_D_LOG2, 4 * n },
                  { GPU_NET_IN, n * s->layers.list[0].n_in },
                  { GPU_DIRECTION, 3 * n } };
 
@@ -189,8 +168,8 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
                            error))
             return false;
     return saga_gpu_layers_room(g, &s->layers, what, error) &&
-           saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
-           saga_gpu_ways_back(g, s->down, s->n_down, what, error);
+           saga_gpu_ways_room(g, s->up, N_UP, what, error) &&
+           saga_gpu_ways_back(g, s->down, N_DOWN, what, error);
 }
 
 /* --- Recording ----------------------------------------------------------- */
@@ -230,7 +209,7 @@ static void record_networks(saga_gpu_canvas *g)
     const size_t n = s->p->n;
     const int geo = list[s->geo].y, colour = list[s->colour].y;
 
-    saga_gpu_ways_send(g, s->up, s->n_up);
+    saga_gpu_ways_send(g, s->up, N_UP);
     record_inputs(g);
     saga_gpu_layers_forward(g, &s->layers, 0, s->geo + 1);
     run_net(g, SAGA_KERNEL_NET_VALUES,
@@ -260,7 +239,7 @@ static void record_learning(saga_gpu_canvas *g)
                      GPU_D_LOG2, -1 });
     saga_gpu_layers_backward(g, &s->layers, 0, s->layers.n);
     saga_gpu_layers_sum(g, &s->layers);
-    saga_gpu_ways_fetch(g, s->down, s->n_down);
+    saga_gpu_ways_fetch(g, s->down, N_DOWN);
 }
 
 bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
@@ -278,14 +257,14 @@ bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
     g->n_up = 0;
     if (!make_room(g, &s, error))
         return false;
-    saga_gpu_ways_pack(g, s.up, s.n_up);
+    saga_gpu_ways_pack(g, s.up, N_UP);
     g->networks = &s;
     g->record_networks = record_networks;
     ok = saga_gpu_pass(g, c, record_learning, error);
     g->networks = NULL;
     if (!ok)
         return false;
-    saga_gpu_ways_take(g, s.down, s.n_down);
+    saga_gpu_ways_take(g, s.down, N_DOWN);
     *mse = (double)saga_gpu_float(
                ((const uint32_t *)g->down.map)[SAGA_GPU_SQUARES]) /
            saga_canvas_n_seen(c);

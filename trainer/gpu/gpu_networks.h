@@ -18,34 +18,26 @@ enum {
     SAGA_GPU_N_NETS
 };
 
-/* Primitives as their networks read them, and the gradients, to which is
- * added. */
+/* The networks of primitives, and their gradients, to which is added. Features,
+ * places, offsets and supports are on the device, where their gradients are set
+ * (gpu_anchors.h). */
 typedef struct saga_gpu_prims {
     uint32_t n;
     uint32_t attrs; /* the set of their attributes */
     size_t features;
-    int octaves;
     const saga_attr_part *part; /* (outputs of F_geo) */
     /* Motions are in +-most_motion, temporal centres in these bounds. */
     real most_motion, centre_lo, centre_hi;
     const saga_net *net[SAGA_GPU_N_NETS]; /* n_layers 0: absent */
     saga_net *d_net[SAGA_GPU_N_NETS];
-    bool is_there;       /* the device has the arrays that follow, and keeps
-                          * their gradients (gpu_anchors.h) */
-    const real *feature; /* (n, features) */
-    const real *place;   /* (n, 4) */
-    const real *offset;  /* (n, 4), which are embedded */
-    const real *support; /* (n, 4) */
-    const real *level;   /* (n, 2) constants of log2 lengths and times */
-    real *d_feature, *d_place, *d_log2_support;
 } saga_gpu_prims;
 
 /* Tells whether the device can run these networks: if the colour has one layer
  * where its inputs meet, and all rows fit into buffers. */
 bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p);
 
-/* As saga_gpu_learn, but for primitives as their networks make them. Sets *mse.
- */
+/* As saga_gpu_learn, but for the first n primitives as their networks make
+ * them. Sets *mse. */
 bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
                           const saga_gpu_prims *p, const saga_canvas *canvas,
                           saga_error *error);

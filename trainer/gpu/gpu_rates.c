@@ -20,7 +20,7 @@ static const char what[] = "the entropy model";
  * (rate_block.h). */
 enum { SIZES = 5, OFFSETS = 5 };
 
-enum { MOST_WAYS = 32 };
+enum { MOST_WAYS = 3 * SAGA_N_KINDS };
 
 /* log2 sigma of the coder's first and last scale (rate_bits.h). */
 #define LOG2_MIN (R(-22) / 7)
@@ -53,11 +53,6 @@ static uint32_t n_channels(size_t features, int kind)
 static uint32_t first_learned(int kind)
 {
     return kind == SAGA_KIND_PRIM ? 0 : 4;
-}
-
-static uint32_t n_learned(size_t features, int kind)
-{
-    return n_channels(features, kind) - first_learned(kind);
 }
 
 static bool has_hyper(const saga_gpu_rate_kind *k)
@@ -127,13 +122,6 @@ static void go_up(rating *s, int buffer, size_t n, const void *from)
     s->up[s->n_up++] = (saga_gpu_way){ .buffer = buffer, .n = n, .from = from };
 }
 
-static void come_down(rating *s, int buffer, size_t n, real *to, bool replaces)
-{
-    s->down[s->n_down++] = (saga_gpu_way){
-        .buffer = buffer, .n = n, .to = to, .replaces = replaces
-    };
-}
-
 static void take_net(rating *s, size_t *at, const saga_net *net,
                      const saga_net *d)
 {
@@ -142,19 +130,8 @@ static void take_net(rating *s, size_t *at, const saga_net *net,
 
 static void list_ways(rating *s)
 {
-    const saga_gpu_rates *const r = s->r;
-    /* What the device has does not move. */
-    const size_t n = r->is_there ? 0 : r->n, f = n * r->features;
-
-    go_up(s, GPU_COARSE, f, r->coarse);
-    go_up(s, GPU_FEATURE, f, r->fine);
-    go_up(s, GPU_SIZE + SAGA_KIND_PRIM, SIZES * n, r->size);
-    go_up(s, GPU_VALUE4 + SAGA_KIND_PRIM, 4 * n, r->value);
-    come_down(s, GPU_D_COARSE, f, r->d_coarse, false);
-    come_down(s, GPU_D_FEATURE, f, r->d_fine, false);
-    come_down(s, GPU_D_OFFSET, 4 * n, r->d_value, false);
     for (int k = 0; k < SAGA_N_KINDS; k++) {
-        const saga_gpu_rate_kind *const kind = &r->kind[k];
+        const saga_gpu_rate_kind *const kind = &s->r->kind[k];
         const uint32_t channels = s->kind[k].n_channels;
         size_t at = s->kind[k].layers.base;
 
@@ -162,11 +139,11 @@ static void list_ways(rating *s)
         if (has_hyper(kind))
             take_net(s, &at, kind->hyper, kind->d_hyper);
         take_net(s, &at, kind->net, kind->d_net);
-        come_down(s, GPU_D_PARAM, channels, r->bits[k], true);
-        s->down[s->n_down - 1].at = at;
-        if (k != SAGA_KIND_FINE)
-            come_down(s, GPU_MU + k, n * n_learned(r->features, k), r->mu[k],
-                      true);
+        s->down[s->n_down++] = (saga_gpu_way){ .buffer = GPU_D_PARAM,
+                                               .at = at,
+                                               .n = channels,
+                                               .to = s->r->bits[k],
+                                               .replaces = true };
     }
 }
 
@@ -179,7 +156,7 @@ static bool room(saga_gpu_canvas *g, int buffer, size_t n, saga_error *error)
 
 static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
 {
-    const size_t n = s->r->n, rows = s->n_rows, f = s->r->features;
+    const size_t rows = s->n_rows;
 
     for (int k = 0; k < SAGA_N_KINDS; k++) {
         const saga_gpu_rate_kind *const kind = &s->r->kind[k];
@@ -193,10 +170,7 @@ static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
             !room(g, GPU_BITS, rows * channels, error))
             return false;
     }
-    return room(g, GPU_D_COARSE, n * f, error) &&
-           room(g, GPU_D_FEATURE, n * f, error) &&
-           room(g, GPU_D_OFFSET, 4 * n, error) &&
-           saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
+    return saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
            saga_gpu_ways_back(g, s->down, s->n_down, what, error);
 }
 
@@ -388,9 +362,6 @@ bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
     saga_gpu_begin(g->gpu);
     saga_gpu_ways_send(g, s.up, s.n_up);
     clear(g, GPU_D_COARSE, r->n * r->features);
-    /* That of pictures may be there. */
-    if (!r->is_there)
-        clear(g, GPU_D_FEATURE, r->n * r->features);
     clear(g, GPU_D_OFFSET, 4 * (size_t)r->n);
     for (int k = 0; k < SAGA_N_KINDS; k++)
         record_kind(g, &s, k);
@@ -474,7 +445,7 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
                         saga_error *error)
 {
     const size_t n = s->n;
-    saga_gpu_way ways[2 + 4 * SAGA_N_KINDS] = {
+    saga_gpu_way ways[2 + 3 * SAGA_N_KINDS] = {
         { .buffer = GPU_SPAN, .n = n, .from = s->span },
         { .buffer = GPU_FINE_OFFSET, .n = OFFSETS * n, .from = s->fine_offset }
     };
@@ -484,10 +455,7 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
         const saga_gpu_way all[] = {
             { .buffer = GPU_PHASE + k, .n = 4 * n, .from = s->phase[k] },
             { .buffer = GPU_SIZE + k, .n = SIZES * n, .from = s->size[k] },
-            { .buffer = GPU_VALUE4 + k, .n = 4 * n, .from = s->value[k] },
-            { .buffer = GPU_MU + k,
-              .n = n * n_learned(s->features, k),
-              .from = s->mu[k] }
+            { .buffer = GPU_VALUE4 + k, .n = 4 * n, .from = s->value[k] }
         };
 
         for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)

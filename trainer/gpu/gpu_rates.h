@@ -38,8 +38,6 @@ typedef struct saga_gpu_rate_scene {
     const real *phase[SAGA_N_KINDS]; /* (n, 4) as HYPER embeds them */
     const real *size[SAGA_N_KINDS];  /* (n, 5); NULL: they change */
     saga_gpu_links links[SAGA_GPU_N_LINKS];
-    const real *mu[SAGA_N_KINDS]; /* (n, channels that learn), of the last
-                                   * evaluations; fine anchors have none */
 } saga_gpu_rate_scene;
 
 /* The networks of a kind. Without sources `net` is one layer without inputs,
@@ -56,7 +54,8 @@ typedef struct saga_gpu_rate_kind {
     uint64_t key;           /* of the noise */
 } saga_gpu_rate_kind;
 
-/* An iteration. Gradients are added to. */
+/* An iteration, whose values are on the device, where gradients and means are
+ * kept (gpu_anchors.h). Gradients of networks are added to. */
 typedef struct saga_gpu_rates {
     uint32_t n, first, every; /* blocks first, first + every, ... of n */
     size_t features;
@@ -64,17 +63,8 @@ typedef struct saga_gpu_rates {
     bool rounding;
     real weight; /* of a bit of such a block in the loss */
     saga_gpu_rate_kind kind[SAGA_N_KINDS];
-    uint32_t base; /* where parameters are, behind those of others */
-    bool is_there; /* the device has the arrays that follow, and keeps their
-                    * gradients and means (gpu_anchors.h) */
-    const real *coarse, *fine; /* (n, features) */
-    const real *size;          /* (n, 5) of primitives' blocks */
-    const real *value;         /* (n, 4) of primitives */
-    real *d_coarse, *d_fine;   /* (n, features) */
-    real *d_value;             /* (n, 4) of primitives */
-    real *mu[SAGA_N_KINDS];    /* (n, channels that learn) set, in the coded
-                                * format */
-    real *bits[SAGA_N_KINDS];  /* (channels) of the blocks */
+    uint32_t base;            /* where parameters are, behind those of others */
+    real *bits[SAGA_N_KINDS]; /* (channels) of the blocks */
 } saga_gpu_rates;
 
 /* Tells whether the device can do that. */

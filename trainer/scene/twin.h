@@ -90,8 +90,6 @@ typedef struct saga_twin {
 #define saga_twin_offsets SAGA_REAL_NAME(saga_twin_offsets)
 #define saga_twin_note_own SAGA_REAL_NAME(saga_twin_note_own)
 #define saga_twin_parts SAGA_REAL_NAME(saga_twin_parts)
-#define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
-#define saga_twin_fine_backward SAGA_REAL_NAME(saga_twin_fine_backward)
 #define saga_twin_geometry SAGA_REAL_NAME(saga_twin_geometry)
 #define saga_twin_colour SAGA_REAL_NAME(saga_twin_colour)
 #define saga_twin_clear SAGA_REAL_NAME(saga_twin_clear)
@@ -161,18 +159,7 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
  * whose reals are gradients. It is called once for each iteration. */
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
-/* --- Parts, where another device makes primitives of fine anchors --------- */
-
 /* Sets which part of which attribute each output of F_geo is. */
 void saga_twin_parts(saga_attr_part *part, const saga_scene *s);
-
-/* The first part of saga_twin_geometry: features and supports of the fine
- * anchors. */
-void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
-                            const real *feature);
-
-/* The last part of saga_twin_backward, after d has the gradients of positions
- * and the twin those of fine features and of log2 supports. */
-void saga_twin_fine_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
 #endif

@@ -280,15 +280,6 @@ static void places_back(const saga_twin_stage *t, size_t chunk)
     }
 }
 
-static void shifts_chunk(void *user, size_t chunk)
-{
-    const saga_twin_stage *const t = user;
-    const saga_range of = families(t->s, chunk);
-
-    for (size_t i = of.begin; i < of.end; i++)
-        shift_backward(t, i);
-}
-
 static void places_chunk(void *user, size_t chunk)
 {
     places_back(user, chunk);
@@ -454,13 +445,5 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     /* The order is reversed: primitives come first, and give the gradients of
      * fine features and supports, from which the coarse tier continues. */
     prims_backward(w, d, s);
-    anchors_backward(w, d, s);
-}
-
-void saga_twin_fine_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
-{
-    saga_twin_stage t = { .w = w, .d = d, .s = s };
-
-    saga_twin_do_rows(shifts_chunk, &t, w->n.prim);
     anchors_backward(w, d, s);
 }

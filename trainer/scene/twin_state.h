@@ -35,6 +35,7 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_back SAGA_REAL_NAME(saga_twin_back)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
 #define saga_twin_correct SAGA_REAL_NAME(saga_twin_correct)
+#define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
 #define saga_twin_correct_backward SAGA_REAL_NAME(saga_twin_correct_backward)
 
 /* twin_rows.c */
@@ -59,6 +60,11 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
 /* Takes a chunk of the batch's d_out back through its network, as
  * saga_net_chunk_backward. */
 saga_net_rows saga_twin_back(const saga_twin_stage *t, int net, size_t chunk);
+
+/* twin_forward.c: the first part of saga_twin_geometry, features and supports
+ * of the fine anchors. */
+void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
+                            const real *feature);
 
 /* twin_hash.c; both do nothing if the model has no residual hash */
 /* Adds the corrections of a chunk of primitives to the outputs of F_geo and of

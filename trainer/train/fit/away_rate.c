@@ -84,7 +84,7 @@ static saga_gpu_rate_kind kind_of(channels *c, const saga_rate *r,
     return k;
 }
 
-/* Sets all but what values and gradients an iteration has. */
+/* Sets all but how an iteration looks at blocks. */
 static void set_kinds(saga_gpu_rates *to, channels c[SAGA_N_KINDS],
                       const saga_rate *r, const saga_scene *s, saga_scene *d)
 {
@@ -141,8 +141,7 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
         .size = { coarse->size, fine->size },
         .links = { [SAGA_GPU_COARSE_GROUPS] = links_of(&coarse->groups),
                    [SAGA_GPU_FINE_GROUPS] = links_of(&fine->groups),
-                   [SAGA_GPU_FINE_PARENT] = links_of(&fine->parent) },
-        .mu = { r->mu_feature, NULL, r->mu_offset }
+                   [SAGA_GPU_FINE_PARENT] = links_of(&fine->parent) }
     };
     bool ok = span && offset;
 
@@ -162,27 +161,6 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
 
 /* --- An iteration -------------------------------------------------------- */
 
-static void set_values(real *value, const saga_rate *r,
-                       const saga_rate_input *x)
-{
-    for (size_t i = 0; i < x->scene->n.prim; i++) {
-        double y[SAGA_RATE_ROW];
-
-        saga_rate_read_block(y, r, x, SAGA_KIND_PRIM, i);
-        for (size_t k = 0; k < 4; k++)
-            value[4 * i + k] = R(y[k]);
-    }
-}
-
-static void learn_offsets(saga_scene *d, const saga_rate_input *x,
-                          const real *d_value)
-{
-    for (size_t i = 0; i < x->scene->n.prim; i++)
-        for (size_t k = 0; k < 4; k++)
-            saga_rate_learn_offset(d, x->twin, i, i, k,
-                                   (double)d_value[4 * i + k]);
-}
-
 static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
                      const saga_model *m)
 {
@@ -192,70 +170,26 @@ static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
                                                 (double)r->bits[kind][c];
 }
 
-static bool evaluate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g,
-                     const saga_gpu_rates *to, const saga_model *m,
-                     saga_error *error)
-{
-    if (!saga_gpu_rate(g, to, error))
-        return false;
-    add_bits(bits, to, m);
-    return true;
-}
-
-/* Evaluates values of the host, and gives it their gradients. */
-static bool evaluate_here(double bits[SAGA_N_STEPS], saga_gpu_canvas *g,
-                          saga_rate *r, saga_scene *d, saga_gpu_rates *to,
-                          const saga_rate_input *x, saga_error *error)
-{
-    saga_rate_kind *const prim = &r->context.kind[SAGA_KIND_PRIM];
-    const size_t n = 4 * (size_t)to->n;
-    real *const value = saga_calloc(2 * n, sizeof *value, what, error);
-    bool ok;
-
-    if (!value)
-        return false;
-    set_values(value, r, x);
-    for (uint32_t i = 0; i < to->n; i++)
-        saga_rate_place_prims(prim, x->scene, x->twin, &i, 1);
-    to->size = prim->size;
-    to->value = value;
-    to->d_value = value + n;
-    to->coarse = x->feature;
-    to->d_coarse = d->coarse_feature;
-    to->fine = x->twin->fine_feature;
-    to->d_fine = x->twin->d_fine_feature;
-    to->mu[SAGA_KIND_COARSE] = r->mu_feature;
-    to->mu[SAGA_KIND_PRIM] = r->mu_offset;
-    ok = evaluate(bits, g, to, &x->scene->model, error);
-    if (ok)
-        learn_offsets(d, x, to->d_value);
-    free(value);
-    return ok;
-}
-
 bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
-                    saga_scene *d, const saga_rate_input *x,
+                    saga_scene *d, const saga_scene *s,
                     const saga_rate_options *o, saga_error *error)
 {
-    const saga_scene rounded = saga_rate_rounded(r, x->scene);
-    const saga_rate_input y = { &rounded, x->twin, x->feature };
+    const saga_scene rounded = saga_rate_rounded(r, s);
     channels c[SAGA_N_KINDS];
     saga_gpu_rates to;
 
-    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    for (int kind = 0; kind < SAGA_N_KINDS && x->feature; kind++)
-        saga_rate_measure_again(r, &y, kind);
     set_kinds(&to, c, r, &rounded, d);
     to.first = o->first;
     to.every = o->every;
     to.rounding = o->rounding;
     to.weight = o->weight * R(o->every);
+    to.base = saga_away_n_params(s) +
+              (uint32_t)saga_net_n_params(&s->net[SAGA_NET_FINE]);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
-    if (x->feature)
-        return evaluate_here(bits, g, r, d, &to, &y, error);
-    to.is_there = true;
-    to.base = saga_away_n_params(&rounded) +
-              (uint32_t)saga_net_n_params(&rounded.net[SAGA_NET_FINE]);
-    return evaluate(bits, g, &to, &rounded.model, error);
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    if (!saga_gpu_rate(g, &to, error))
+        return false;
+    add_bits(bits, &to, &s->model);
+    return true;
 }

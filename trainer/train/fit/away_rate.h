@@ -14,15 +14,15 @@
 bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
                         const saga_scene *s);
 
-/* Copies to the device what stays as long as anchors stay where they are, and
- * the means by which values were predicted last. */
+/* Copies to the device what stays as long as anchors stay where they are. */
 bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
                         const saga_scene *s, saga_error *error);
 
-/* As saga_rate_add. If x->feature is NULL, the device has the values and keeps
- * their gradients (gpu_anchors.h), and constants are not measured again. */
+/* As saga_rate_add for values that the device has. It keeps their gradients and
+ * means (gpu_anchors.h), and measures no constants. Adds to the networks of
+ * d. */
 bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
-                    saga_scene *d, const saga_rate_input *x,
+                    saga_scene *d, const saga_scene *s,
                     const saga_rate_options *o, saga_error *error);
 
 #endif

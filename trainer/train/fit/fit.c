@@ -116,15 +116,6 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
-static bool add_rate_away(saga_fit *f, const saga_rate_input *x,
-                          const saga_rate_options *o, saga_error *error)
-{
-    f->is_rated_away = f->is_rated_away ||
-                       saga_away_put_rate(f->gpu, &f->rate, f->scene, error);
-    return f->is_rated_away &&
-           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, x, o, error);
-}
-
 /* Adds the gradients of the rate, before saga_twin_backward. In the first
  * iteration that rounds, it also chooses the sources. */
 static bool add_rate(saga_fit *f, saga_error *error)
@@ -137,9 +128,6 @@ static bool add_rate(saga_fit *f, saga_error *error)
     if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
-    if (f->is_away && saga_away_can_rate(f->o.gpu, &f->rate, f->scene))
-        return add_rate_away(f, &x, &o, error);
-    f->is_rated_away = false;
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }
@@ -260,13 +248,6 @@ static uint32_t n_drawn(const saga_fit *f)
     return s->layer[1 + (size_t)((2 * x - 1) * (s->n_layers - 1))].first.prim;
 }
 
-static saga_away away_of(saga_fit *f)
-{
-    return (saga_away){
-        .twin = &f->twin, .scene = &f->used, .d = &f->grad, .level = f->level
-    };
-}
-
 /* Draws a picture of the primitives that the host's networks make. */
 static bool learn_here(saga_fit *f, double *mse, saga_error *error)
 {
@@ -287,14 +268,10 @@ static bool learn_here(saga_fit *f, double *mse, saga_error *error)
 static bool learn_picture(saga_fit *f, saga_sample picture, double *mse,
                           saga_error *error)
 {
-    const saga_away away = away_of(f);
-
     if (!(f->gpu ? saga_gpu_show(f->gpu, &f->canvas, picture, error)
                  : saga_novel_show(&f->canvas, f->pictures, picture, error)))
         return false;
-    if (!(f->is_away ? saga_away_learn(f->gpu, mse, &away, n_drawn(f),
-                                       &f->canvas, error)
-                     : learn_here(f, mse, error)))
+    if (!learn_here(f, mse, error))
         return false;
     if (saga_novel_is(f->pictures, picture))
         *mse = 0;
@@ -312,10 +289,7 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     /* Forward: positions, attributes, picture. Then the gradients of the
      * picture. */
     saga_twin_offsets(&f->twin, &f->used);
-    if (f->is_away)
-        saga_twin_fine_forward(&f->twin, &f->used, f->feature);
-    else
-        saga_twin_geometry(&f->twin, &f->used, f->feature);
+    saga_twin_geometry(&f->twin, &f->used, f->feature);
     if (!learn_picture(f, pick_picture(f), mse, error))
         return false;
     /* L_A and the rate precede the twin's backward pass, because they add to
@@ -324,18 +298,13 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     if (!add_rate(f, error))
         return false;
     /* Backward, to features, positions and networks. */
-    if (f->is_away)
-        saga_twin_fine_backward(&f->twin, &f->grad, &f->used);
-    else
-        saga_twin_backward(&f->twin, &f->grad, &f->used);
+    saga_twin_backward(&f->twin, &f->grad, &f->used);
     return true;
 }
 
 /* Does what precedes and follows the pictures on the host. */
 static bool iterate_here(saga_fit *f, double *mse, saga_error *error)
 {
-    const saga_away away = away_of(f);
-
     if (!saga_fit_look(f, error))
         return false;
     f->is_there = false;
@@ -349,7 +318,6 @@ static bool iterate_here(saga_fit *f, double *mse, saga_error *error)
     if (f->iteration % SAGA_FIT_REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
-    f->is_away = f->gpu && saga_away_can(f->o.gpu, &away);
     if (f->iteration == 0)
         start_rate(f);
     /* All backward passes add to the gradients. */

@@ -36,24 +36,13 @@ static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
                                uint32_t n)
 {
     const saga_scene *const s = a->scene;
-    saga_twin *const w = a->twin;
     saga_gpu_prims p = { .n = n,
-                         .attrs = saga_attrs_of(&w->attr),
+                         .attrs = saga_attrs_of(&a->twin->attr),
                          .features = s->model.features,
-                         .octaves = s->model.octaves,
                          .part = part,
                          .most_motion = SAGA_TWIN_MOST_MOTION,
                          .centre_lo = SAGA_TWIN_CENTRE_MIN,
-                         .centre_hi = SAGA_TWIN_CENTRE_MAX,
-                         .is_there = a->is_there,
-                         .feature = w->fine_feature,
-                         .place = s->prim_x,
-                         .offset = w->prim_offset,
-                         .support = w->support,
-                         .level = a->level,
-                         .d_feature = w->d_fine_feature,
-                         .d_place = a->d->prim_x,
-                         .d_log2_support = w->d_log2_support };
+                         .centre_hi = SAGA_TWIN_CENTRE_MAX };
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++) {
         p.net[k] = &s->net[nets[k]];

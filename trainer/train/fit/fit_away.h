@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The networks of primitives on a device: a twin's fine anchors go there, and
- * their gradients come back.
+ * The networks of primitives on a device, which has the fine anchors and keeps
+ * their gradients (gpu_anchors.h).
  */
 #ifndef SAGA_FIT_AWAY_H
 #define SAGA_FIT_AWAY_H
@@ -11,11 +11,9 @@
 
 /* A scene as a device learns it. */
 typedef struct saga_away {
-    saga_twin *twin;
+    const saga_twin *twin;
     const saga_scene *scene; /* that the twin runs */
-    saga_scene *d;           /* its gradients */
-    const real *level;       /* (n.prim, 2) of saga_away_levels */
-    bool is_there;           /* the device has the anchors (gpu_anchors.h) */
+    saga_scene *d;           /* gradients of its networks */
 } saga_away;
 
 /* Sets level (n.prim, 2) to the constants between log2 sizes and outputs of
@@ -30,9 +28,7 @@ uint32_t saga_away_n_params(const saga_scene *s);
 bool saga_away_can(const saga_gpu *gpu, const saga_away *a);
 
 /* Draws the first n primitives as seen by the canvas's camera, compares with
- * the truth of saga_gpu_show, and adds the gradients: to a->d of positions and
- * networks, to the twin of fine features and log2 supports. It follows
- * saga_twin_offsets and saga_twin_fine_forward. Sets *mse. */
+ * the truth of saga_gpu_show, and adds the gradients of networks. Sets *mse. */
 bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
                      uint32_t n, const saga_canvas *canvas, saga_error *error);
 

@@ -58,10 +58,8 @@ struct saga_fit {
     saga_canvas canvas;
     saga_gpu_canvas *gpu; /* NULL: the processor draws */
     real *level;          /* of saga_away_levels, or NULL */
-    bool is_away;         /* the device runs the networks of primitives
-                           * in this iteration */
-    bool is_rated_away;   /* the device has what the rate reads, and the
-                           * means of its last evaluations */
+    bool is_rated_away;   /* the device has what the rate reads and does not
+                           * change */
     bool is_there;        /* the device has all that learns but networks */
     bool is_newer_there;  /* and steps have changed it since */
     saga_rate rate;

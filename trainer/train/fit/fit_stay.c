@@ -4,19 +4,33 @@
 #include "gpu_anchors.h"
 #include "suffix.h"
 
-bool saga_fit_can_stay(const saga_fit *f)
+/* Tells whether a model's neighbours may change, or constants take the place of
+ * networks. One neighbour is the parent, and anchors do not move; nor do
+ * offsets of fine anchors change. */
+static bool has_to_look(const saga_fit *f)
 {
     const saga_scene *const s = f->scene;
+    const saga_rate_context *const c = &f->rate.context;
+
+    return s->model.tier[SAGA_TIER_COARSE].neighbours > 1 ||
+           s->model.tier[SAGA_TIER_FINE].neighbours > 1 ||
+           !saga_rate_sources(c, s, SAGA_KIND_COARSE) ||
+           !saga_rate_sources(c, s, SAGA_KIND_PRIM);
+}
+
+bool saga_fit_can_stay(const saga_fit *f)
+{
     saga_scene d = f->grad;
-    saga_twin w = f->twin;
-    const saga_away away = { .twin = &w, .scene = s, .d = &d };
+    const saga_away away = { .twin = &f->twin, .scene = f->scene, .d = &d };
+    const bool looks = f->iteration == 0 ||
+                       (f->iteration % SAGA_FIT_REFRESH_EVERY == 0 &&
+                        has_to_look(f));
     const bool chooses = saga_fit_is_rounding(f) && !f->o.given &&
                          !f->rate.decision.decided;
 
-    return f->gpu && f->descent.away && !chooses &&
-           f->iteration % SAGA_FIT_REFRESH_EVERY != 0 &&
+    return f->gpu && f->descent.away && !chooses && !looks &&
            !saga_fit_rounds_layers(f) && saga_away_can(f->o.gpu, &away) &&
-           saga_away_can_rate(f->o.gpu, &f->rate, s);
+           saga_away_can_rate(f->o.gpu, &f->rate, f->scene);
 }
 
 /* --- What stays ---------------------------------------------------------- */
@@ -27,6 +41,7 @@ static saga_gpu_anchors anchors_of(saga_fit *f)
     const size_t at = (size_t)(s->prim_x - s->reals);
 
     return (saga_gpu_anchors){ .n = s->n.prim,
+                               .features = s->model.features,
                                .fine_x = s->fine_x,
                                .fine_offset = f->twin.fine_offset,
                                .level = f->level,
@@ -35,8 +50,8 @@ static saga_gpu_anchors anchors_of(saga_fit *f)
                                .v = f->descent.v + at,
                                .support = f->twin.support,
                                .offset = f->twin.prim_offset,
-                               .mu = { [SAGA_KIND_COARSE] = f->rate.mu_feature,
-                                       [SAGA_KIND_PRIM] = f->rate.mu_offset } };
+                               .mu_feature = f->rate.mu_feature,
+                               .mu_offset = f->rate.mu_offset };
 }
 
 /* Copies to the device what it does not have. */
@@ -60,10 +75,10 @@ bool saga_fit_look(saga_fit *f, saga_error *error)
     const saga_block_adam features = saga_fit_features(f);
     const saga_gpu_anchors a = anchors_of(f);
 
-    f->is_newer_there =
-        f->is_newer_there &&
-        !(saga_gpu_blocks_look(f->descent.away, &features, error) &&
-          saga_gpu_anchors_get(f->gpu, &a, features.stride, error));
+    f->is_newer_there = f->is_newer_there &&
+                        !(saga_gpu_blocks_look(f->descent.away, &features,
+                                               error) &&
+                          saga_gpu_anchors_get(f->gpu, &a, error));
     return !f->is_newer_there;
 }
 
@@ -114,10 +129,9 @@ bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
     const saga_adam adam = saga_adam_default();
     const saga_block_adam features = saga_fit_features(f);
     const saga_gpu_turn t = turn_of(f, &features, &adam);
-    const saga_away away = {
-        .twin = &f->twin, .scene = &f->used, .d = &f->grad, .is_there = true
-    };
-    const saga_rate_input x = { f->scene, &f->twin, NULL };
+    const saga_away away = { .twin = &f->twin,
+                             .scene = &f->used,
+                             .d = &f->grad };
     const saga_rate_options o = saga_fit_rate_options(f);
 
     if (!go_there(f, &features, error))
@@ -126,6 +140,7 @@ bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
     return saga_gpu_anchors_forward(f->gpu, f->descent.away, &t, error) &&
            saga_gpu_show(f->gpu, &f->canvas, picture, error) &&
            saga_away_learn(f->gpu, mse, &away, n_drawn, &f->canvas, error) &&
-           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, &x, &o, error) &&
+           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, f->scene, &o,
+                          error) &&
            saga_gpu_anchors_backward(f->gpu, f->descent.away, &t, error);
 }
