@@ -124,6 +124,16 @@ static bool states_are_near(const char *name, const saga_fit *a,
            ok;
 }
 
+static void copy_constants(saga_rate_constants *to,
+                           const saga_rate_constants *from)
+{
+    const size_t nbytes = sizeof to->mean[SAGA_KIND_PRIM];
+
+    memcpy(to->mean[SAGA_KIND_PRIM], from->mean[SAGA_KIND_PRIM], nbytes);
+    memcpy(to->log2_sigma[SAGA_KIND_PRIM], from->log2_sigma[SAGA_KIND_PRIM],
+           nbytes);
+}
+
 static bool agree(world *w, const variant *v)
 {
     saga_train_options o = tiny_options(N, TINY_WARM, RENDER);
@@ -145,9 +155,9 @@ static bool agree(world *w, const variant *v)
     assert_true(saga_fit_can_stay(g));
     m = copied(f->descent.m + (f->scene->prim_x - f->scene->reals),
                4 * (size_t)f->scene->n.prim);
-    /* Constants are those of the checkpoint in both. */
-    f->rate.decision.given = 1;
     assert_done(saga_fit_iterate(f, &mse[0], &error));
+    /* Where anchors stay, the constants of offsets are older. */
+    copy_constants(&g->rate.constants, &f->rate.constants);
     assert_done(saga_fit_iterate(g, &mse[1], &error));
     assert_true(g->is_there);
     assert_done(saga_fit_bring(g, &error));

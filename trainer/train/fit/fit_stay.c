@@ -4,9 +4,8 @@
 #include "gpu_anchors.h"
 #include "suffix.h"
 
-/* Tells whether a model's neighbours may change, or constants take the place of
- * networks. One neighbour is the parent, and anchors do not move; nor do
- * offsets of fine anchors change. */
+/* Tells whether a model's neighbours may change, or offsets have constants. One
+ * neighbour is the parent, and anchors do not move. */
 static bool has_to_look(const saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -14,7 +13,6 @@ static bool has_to_look(const saga_fit *f)
 
     return s->model.tier[SAGA_TIER_COARSE].neighbours > 1 ||
            s->model.tier[SAGA_TIER_FINE].neighbours > 1 ||
-           !saga_rate_sources(c, s, SAGA_KIND_COARSE) ||
            !saga_rate_sources(c, s, SAGA_KIND_PRIM);
 }
 
@@ -123,6 +121,23 @@ static saga_gpu_turn turn_of(saga_fit *f, const saga_block_adam *features,
     };
 }
 
+/* Measures the constants of features in every iteration, as the host does: they
+ * are rounded around these, and coded around those of the end. Constants of 50
+ * iterations before cost 0.3 dB. */
+static bool measure(saga_fit *f, const saga_block_adam *features,
+                    saga_error *error)
+{
+    const saga_rate_input x = { f->scene, &f->twin, NULL };
+
+    if (f->rate.decision.given ||
+        saga_rate_sources(&f->rate.context, f->scene, SAGA_KIND_COARSE))
+        return true;
+    if (!saga_gpu_blocks_look(f->descent.away, features, error))
+        return false;
+    saga_rate_measure(&f->rate, &x, SAGA_KIND_COARSE);
+    return true;
+}
+
 bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
                    uint32_t n_drawn, saga_error *error)
 {
@@ -140,6 +155,7 @@ bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
     return saga_gpu_anchors_forward(f->gpu, f->descent.away, &t, error) &&
            saga_gpu_show(f->gpu, &f->canvas, picture, error) &&
            saga_away_learn(f->gpu, mse, &away, n_drawn, &f->canvas, error) &&
+           measure(f, &features, error) &&
            saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, f->scene, &o,
                           error) &&
            saga_gpu_anchors_backward(f->gpu, f->descent.away, &t, error);
