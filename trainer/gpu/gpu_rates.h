@@ -28,8 +28,7 @@ typedef struct saga_gpu_links {
 
 /* What stays the same as long as anchors stay. */
 typedef struct saga_gpu_rate_scene {
-    uint32_t n; /* anchors of a tier */
-    size_t features;
+    uint32_t n;              /* anchors of a tier */
     const uint32_t *span;    /* (n) first + 256 times the number of features
                               * that are coded */
     const real *fine_offset; /* (n, 5) of fine anchors, as GROUPS reads them */

@@ -133,7 +133,6 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
     real *const phase = offset ? offset + 4 * n : NULL;
     const saga_gpu_rate_scene to = {
         .n = s->n.coarse,
-        .features = s->model.features,
         .span = span,
         .fine_offset = r->offset,
         .value = { r->centre, offset },
