@@ -290,6 +290,7 @@ many() {
         check "$name" "tests/cli/check_$name.sh"
     done
     [ "$what" != all ] || check ablation tests/cli/check_ablation.sh
+    [ "$what" != all ] || check between tests/cli/check_between.sh
     check devices tests/cli/check_devices.sh
     [ "$what" != all ] || check subgroups tests/cli/check_subgroups.sh
     check ksy python3 tests/check_ksy.py

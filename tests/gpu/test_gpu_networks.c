@@ -151,15 +151,29 @@ static void end(result *r)
     saga_scene_free(&r->d);
 }
 
+/* The sizes from which on primitives cost something: those of an output of 0,
+ * which about half of the outputs exceed. The price is as steep as a picture's
+ * gradients. */
+static void limit_sizes(real most[N], const saga_scene *s)
+{
+    for (size_t i = 0; i < N; i++)
+        most[i] = -R(s->coarse[i].depth_x);
+}
+
+#define SIZE_PRICE R(1e-4)
+
 static void on_host(result *r, saga_canvas *c, const saga_scene *s, uint32_t n)
 {
     saga_splat_learning l = { .d = r->w.d_attr };
+    real most[N];
 
+    limit_sizes(most, s);
     saga_twin_geometry(&r->w, s, s->coarse_feature);
     saga_twin_colour(&r->w, s, c->camera.centre);
     assert_done(saga_splat_learn(&l, c, &r->w.attr, n, &error));
     r->mse = l.mse;
     saga_twin_colour_backward(&r->w, &r->d, s);
+    saga_twin_size_loss(&r->w, most, n, SIZE_PRICE);
     saga_twin_backward(&r->w, &r->d, s);
 }
 
@@ -167,16 +181,19 @@ static void on_host(result *r, saga_canvas *c, const saga_scene *s, uint32_t n)
 static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
                    const saga_canvas *c, const saga_scene *s, uint32_t n)
 {
-    const saga_away a = { .twin = &r->w, .scene = s, .d = &r->d };
+    const saga_away a = {
+        .twin = &r->w, .scene = s, .d = &r->d, .size_price = SIZE_PRICE
+    };
     const size_t f = (size_t)N * FEATURES, zeros = f > 4 * N ? f : 4 * N;
     FREED real *const zero = zeroed(zeros, sizeof *zero);
-    real level[2 * N];
+    real level[2 * N], most[N], limit[N];
     const saga_gpu_way up[] = {
         { .buffer = GPU_FEATURE, .n = f, .from = r->w.fine_feature },
         { .buffer = GPU_PLACE, .n = 4 * N, .from = s->prim_x },
         { .buffer = GPU_OFFSET4, .n = 4 * N, .from = r->w.prim_offset },
         { .buffer = GPU_SUPPORT, .n = 4 * N, .from = r->w.support },
         { .buffer = GPU_LEVEL, .n = 2 * N, .from = level },
+        { .buffer = GPU_LIMIT, .n = N, .from = limit },
         { .buffer = GPU_D_FEATURE, .n = f, .from = zero },
         { .buffer = GPU_D_PLACE, .n = 4 * N, .from = zero },
         { .buffer = GPU_D_LOG2, .n = 4 * N, .from = zero }
@@ -189,8 +206,10 @@ static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
 
     saga_twin_geometry(&r->w, s, s->coarse_feature);
     saga_away_levels(level, s);
+    limit_sizes(most, s);
+    saga_away_limits(limit, most, level, N);
     assert_true(saga_away_can(gpu, &a));
-    assert_done(saga_gpu_ways_put(g, up, 8, "values", &error));
+    assert_done(saga_gpu_ways_put(g, up, 9, "values", &error));
     assert_done(saga_away_learn(g, &r->mse, &a, n, c, &error));
     assert_done(saga_gpu_ways_get(g, down, 3, "gradients", &error));
 }

@@ -6,6 +6,7 @@
  */
 #include "camera.h"
 #include "flat.h"
+#include "lone.h"
 #include "novel.h"
 #include "testing.h"
 
@@ -362,5 +363,56 @@ TEST(warm_up_should_learn_from_teachers)
     if (!(away[1] < 0.7 * away[0]))
         fail_msg("%g with a teacher, %g without", away[1], away[0]);
     saga_novel_free(&o);
+    drop(f);
+}
+
+/* --- Lone views ----------------------------------------------------------- */
+
+/* Returns the distance of the origin from the nearest lone view, and their
+ * number. */
+static real from_origin(const fixture *f, int *n)
+{
+    const real origin[3] = {
+        R(-f->pictures.cube.centre[0] / f->pictures.cube.unit),
+        R(-f->pictures.cube.centre[1] / f->pictures.cube.unit),
+        R(-f->pictures.cube.centre[2] / f->pictures.cube.unit)
+    };
+    saga_lone lone;
+    real d;
+
+    assert_done(saga_lone_find(&lone, &f->pictures, &error));
+    *n = lone.n;
+    d = saga_lone_distance(&lone, origin);
+    saga_lone_free(&lone);
+    return d;
+}
+
+/* Cameras 0 and 1, and 3 and 4, are neighbours. */
+TEST(views_should_be_alone_if_none_is_within_ten_degrees)
+{
+    fixture *const near = make(0.17), *const far = make(0.18);
+    int n;
+
+    assert_true(isinf(from_origin(near, &n)));
+    assert_int_equal(n, 0);
+    assert_float_equal(from_origin(far, &n),
+                       R(DISTANCE / far->pictures.cube.unit), 1e-5);
+    assert_int_equal(n, 4);
+    drop(near);
+    drop(far);
+}
+
+TEST(no_view_should_be_alone_if_one_camera_moves_or_around_a_subject)
+{
+    fixture *const f = make(0.22);
+    int n;
+
+    f->capture.moves = true;
+    from_origin(f, &n);
+    assert_int_equal(n, 0);
+    f->capture.moves = false;
+    f->capture.subject = true;
+    from_origin(f, &n);
+    assert_int_equal(n, 0);
     drop(f);
 }

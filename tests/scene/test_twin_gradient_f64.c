@@ -151,6 +151,24 @@ static double correction_loss(const saga_twin *w, const saga_scene *s)
     return w->correction_price * sum / (double)w->n.prim;
 }
 
+/* The size from which on a primitive's costs: the mean over its axes in the
+ * undisturbed scene, which one of them or two exceed. */
+static real most_size[MOST];
+
+#define SIZE_PRICE 0.3
+
+static double size_loss(const saga_twin *w)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < 3 * w->n.prim; i++) {
+        const double over = w->attr.log2_scale[i] - most_size[i / 3];
+
+        sum += over > 0 ? over * over : 0;
+    }
+    return SIZE_PRICE * sum;
+}
+
 static double forward(saga_twin *w, saga_scene *s)
 {
     real *const in = w->batch[SAGA_NET_COLOUR_VIEW].in;
@@ -158,7 +176,7 @@ static double forward(saga_twin *w, saga_scene *s)
 
     shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
-    sum = correction_loss(w, s);
+    sum = correction_loss(w, s) + size_loss(w);
     for (int view = 0; view < 2; view++) {
         if (s->model.tools & SAGA_TOOL_VIEW)
             memcpy(in, directions[view], 3 * w->n.prim * sizeof *in);
@@ -201,7 +219,14 @@ static void gradient(saga_twin *w, saga_scene *d, saga_scene *s)
     memcpy(clean, s->prim_x, 4 * w->n.prim * sizeof *clean);
     shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
+    for (size_t i = 0; i < w->n.prim; i++)
+        most_size[i] = (w->attr.log2_scale[3 * i] +
+                        w->attr.log2_scale[3 * i + 1] +
+                        w->attr.log2_scale[3 * i + 2]) /
+                       3;
     saga_twin_clear(w, s);
+    assert_true(size_loss(w) > 0);
+    saga_twin_size_loss(w, most_size, w->n.prim, SIZE_PRICE);
     for (int view = 0; view < 2; view++) {
         saga_twin_colour(w, s, centres[view]);
         if (s->model.tools & SAGA_TOOL_VIEW) {

@@ -146,7 +146,7 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
     X(NET_VALUES, net_values, 7)           \
     X(NET_DIRECTIONS, net_directions, 3)   \
     X(NET_COLOURS, net_colours, 3)         \
-    X(NET_GRADIENTS, net_gradients, 11)    \
+    X(NET_GRADIENTS, net_gradients, 12)    \
     X(RATE_COST, rate_cost, 9)             \
     X(USE_FEATURES, use_features, 4)       \
     X(USE_PLACES, use_places, 8)           \

@@ -44,7 +44,8 @@ bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
     const saga_gpu_way ways[] = {
         { .buffer = GPU_FINE_X, .n = n, .from = a->fine_x },
         { .buffer = GPU_FINE_EMBED, .n = n, .from = a->fine_offset },
-        { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level }
+        { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level },
+        { .buffer = GPU_LIMIT, .n = a->n, .from = a->limit }
     };
     saga_gpu_way moving[N_MOVING];
 
@@ -52,7 +53,7 @@ bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
     /* A buffer that grows loses its content, so it must have its size at first.
      */
     return saga_gpu_room(g, GPU_PRIM, 3 * n * sizeof(real), what, error) &&
-           saga_gpu_ways_put(g, ways, 3, what, error) &&
+           saga_gpu_ways_put(g, ways, 4, what, error) &&
            saga_gpu_ways_put(g, moving, N_MOVING - 1, what, error);
 }
 

@@ -23,6 +23,7 @@ typedef struct saga_gpu_anchors {
     const real *fine_x;      /* (n, 4) of fine anchors */
     const real *fine_offset; /* (n, 4) which F_fine embeds */
     const real *level;       /* (n, 2) log2 of half a cell, in space and time */
+    const real *limit;       /* (n) outputs of log2 sizes that cost nothing */
     real *prim_x, *m, *v;    /* (n, 4) positions, and their moments */
     real *support;           /* (n, 4) of the last iteration */
     real *offset;            /* (n, 4) likewise; comes back only */

@@ -178,12 +178,12 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
 static void run_net(saga_gpu_canvas *g, int kernel, const int *buffers)
 {
     const saga_gpu_networks *const s = g->networks;
-    const real bounds[] = { s->p->most_motion, s->p->centre_lo,
-                            s->p->centre_hi };
-    uint32_t push[5] = { s->p->n, (uint32_t)n_geo(s) };
+    const real reals[] = { s->p->most_motion, s->p->centre_lo, s->p->centre_hi,
+                           s->p->size_price };
+    uint32_t push[6] = { s->p->n, (uint32_t)n_geo(s) };
 
-    memcpy(push + 2, bounds, sizeof bounds);
-    saga_gpu_do_with(g, kernel, saga_gpu_groups(s->p->n), buffers, push, 5);
+    memcpy(push + 2, reals, sizeof reals);
+    saga_gpu_do_with(g, kernel, saga_gpu_groups(s->p->n), buffers, push, 6);
 }
 
 /* Sets the inputs of F_geo: features, and the embedding of offsets. */
@@ -236,7 +236,7 @@ static void record_learning(saga_gpu_canvas *g)
     run_net(g, SAGA_KERNEL_NET_GRADIENTS,
             (int[]){ GPU_FRAME, GPU_PLACE, GPU_SUPPORT, GPU_PART, geo->y,
                      colour->y, GPU_GRAD, geo->d_y, colour->d_y, GPU_D_PLACE,
-                     GPU_D_LOG2, -1 });
+                     GPU_D_LOG2, GPU_LIMIT, -1 });
     saga_gpu_layers_backward(g, &s->layers, 0, s->layers.n);
     saga_gpu_layers_sum(g, &s->layers);
     saga_gpu_ways_fetch(g, s->down, N_DOWN);

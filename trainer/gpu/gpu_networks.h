@@ -28,6 +28,7 @@ typedef struct saga_gpu_prims {
     const saga_attr_part *part; /* (outputs of F_geo) */
     /* Motions are in +-most_motion, temporal centres in these bounds. */
     real most_motion, centre_lo, centre_hi;
+    real size_price; /* of log2 sizes above GPU_LIMIT, squared */
     const saga_net *net[SAGA_GPU_N_NETS]; /* n_layers 0: absent */
     saga_net *d_net[SAGA_GPU_N_NETS];
 } saga_gpu_prims;

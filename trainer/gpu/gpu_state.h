@@ -60,6 +60,7 @@ enum {
     GPU_SUPPORT, /* (N, 4) of fine anchors */
     GPU_D_LOG2,  /* (N, 4) of log2 supports */
     GPU_LEVEL,   /* (N, 2) constants of log2 sizes */
+    GPU_LIMIT,   /* (N) outputs from which on log2 sizes cost something */
     GPU_PART,    /* (outputs of F_geo, 2) */
     GPU_PARAM,   /* of all layers */
     GPU_D_PARAM,

@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "lone.h"
 #include "order.h"
 #include "vec3.h"
 
@@ -21,10 +22,6 @@ enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
 /* Views farther apart than this share too little; teachers would guess, which
  * would harm the filmed views: 40 degrees, in radians. */
 #define MOST_ANGLE 0.7
-
-/* Views look in a similar direction if the cosine between them is above this,
- * as in plane_sweep.c. */
-#define SAME_WAY 0.2
 
 /* The part of the pictures that teachers draw, in a still and in a moving
  * scene. With a half, the filmed views of a still lose another 0.4 dB, and
@@ -102,30 +99,6 @@ static void place(saga_source_view *out, const saga_source_view *a,
                                    (from[k] + u * (to[k] - from[k]));
 }
 
-static double depth_of(const saga_pictures *p, int view)
-{
-    return sqrt(p->range[2 * view] * p->range[2 * view + 1]);
-}
-
-/* Returns the angle between two views as seen from the middle of the scene, or
- * infinity if they look in different directions. */
-static double apart(const saga_pictures *p, int v, int w)
-{
-    const saga_source_view *const a = &p->capture->views[v];
-    const saga_source_view *const b = &p->capture->views[w];
-    double x[3], y[3], square = 0, same = 0;
-
-    saga_source_view_centre(x, a);
-    saga_source_view_centre(y, b);
-    for (int i = 0; i < 3; i++) {
-        square += (x[i] - y[i]) * (x[i] - y[i]);
-        same += a->rotation[6 + i] * b->rotation[6 + i];
-    }
-    return same > SAME_WAY ? 2 * atan(sqrt(square) / 2 /
-                                      fmin(depth_of(p, v), depth_of(p, w)))
-                           : INFINITY;
-}
-
 /* Finds the nearest views of training view k, as indices into p->train; between
  * equals the first wins. Returns their number, or 0 if the nearest one is so
  * close that k needs no help. */
@@ -136,7 +109,8 @@ static int find_neighbours(int near[N_NEIGHBOURS], const saga_pictures *p,
     int n = 0;
 
     for (int i = 0; i < p->n_train; i++) {
-        const double d = i == k ? INFINITY : apart(p, p->train[k], p->train[i]);
+        const double d = i == k ? INFINITY
+                                : saga_view_angle(p, p->train[k], p->train[i]);
 
         if (d < MOST_ANGLE)
             n = saga_nearest_add(near, far, n, N_NEIGHBOURS, i, d);

@@ -95,6 +95,7 @@ typedef struct saga_twin {
 #define saga_twin_clear SAGA_REAL_NAME(saga_twin_clear)
 #define saga_twin_colour_backward SAGA_REAL_NAME(saga_twin_colour_backward)
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
+#define saga_twin_size_loss SAGA_REAL_NAME(saga_twin_size_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
 /* Places the arrays of a batch of `rows` rows through a network in an arena,
@@ -148,6 +149,13 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s);
  * saga_twin_backward. It is called between saga_twin_clear and that. */
 void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                            real weight);
+
+/* Adds weight times the sum over the first n primitives, and over their axes,
+ * of relu(log2 scale - most)^2 to what w->d_attr is the gradient of. most
+ * (n.prim) is a log2 size. It is called between saga_twin_clear and
+ * saga_twin_backward. */
+void saga_twin_size_loss(saga_twin *w, const real *most, uint32_t n,
+                         real weight);
 
 /* Takes the gradients w->d_attr.colour back, adds to d and clears them. It is
  * called once for each view, after saga_splat_backward and before the next

@@ -68,6 +68,17 @@ void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
     saga_twin_do_rows(loss_chunk, &t, w->n.prim);
 }
 
+void saga_twin_size_loss(saga_twin *w, const real *most, uint32_t n,
+                         real weight)
+{
+    for (size_t i = 0; i < 3 * (size_t)n; i++) {
+        const real over = w->attr.log2_scale[i] - most[i / 3];
+
+        if (over > 0)
+            w->d_attr.log2_scale[i] += 2 * weight * over;
+    }
+}
+
 /* Adds sum k of a stage's networks, which are numbered one network after the
  * other. */
 static void add_sum(void *user, size_t k)

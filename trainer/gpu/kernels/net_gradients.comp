@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Gradients of attributes back to the networks' outputs, to places and to log2
- * supports: scene/twin_backward.c, give_rows() and places_backward(). A thread
- * for each primitive. */
+ * supports: scene/twin_backward.c, give_rows() and places_backward(), with
+ * saga_twin_size_loss(). A thread for each primitive. */
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "frame_buffer.glsl"
@@ -47,6 +47,11 @@ layout(std430, set = 0, binding = 10) writeonly buffer d_log2_block
 {
     float d_log2_of[]; /* (n, 4) of log2 supports */
 };
+layout(std430, set = 0, binding = 11) readonly buffer limit_block
+{
+    float limit[]; /* (n) outputs of log2 sizes from which on they cost
+                    * size_price times the square of what exceeds it */
+};
 
 #include "parts.glsl"
 
@@ -88,6 +93,8 @@ void main()
 
         if (part_attr(word) < N_ATTRS)
             d = gradient(i, part_attr(word), part_at(word));
+        if (part_unit(word) == LOG2_LENGTH)
+            d += 2 * size_price * max(geo[at] - limit[i], 0);
         if (part_unit(word) == IN_SUPPORTS)
             d = inward(d, geo[at], -most_motion, most_motion);
         if (part_unit(word) == TIME)

@@ -9,6 +9,7 @@ layout(push_constant) uniform push_block
     float most_motion;
     float centre_lo; /* bounds of temporal centres */
     float centre_hi;
+    float size_price;
 };
 
 /* SAGA_UNIT_* of attributes.h, for part_unit(). */

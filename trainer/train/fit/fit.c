@@ -2,6 +2,8 @@
 #include "fit_stay.h"
 
 #include "alloc.h"
+#include "fit_away.h"
+#include "lone.h"
 #include "noise.h"
 #include "novel.h"
 #include "threads.h"
@@ -33,11 +35,39 @@ static bool alloc_all(saga_fit *f, saga_error *error)
 
     f->feature = zeros(n_features, error);
     f->position = zeros(4 * (size_t)s->n.prim, error);
+    f->most_size = zeros(s->n.prim, error);
     f->level = f->gpu ? zeros(2 * (size_t)s->n.prim, error) : NULL;
-    if (f->level)
-        saga_away_levels(f->level, s);
-    return f->feature && f->position && (f->level || !f->gpu) &&
+    f->limit = f->gpu ? zeros(s->n.prim, error) : NULL;
+    return f->feature && f->position && f->most_size &&
+           ((f->level && f->limit) || !f->gpu) &&
            saga_pictures_canvas(&f->canvas, f->pictures, error);
+}
+
+/* Sizes are limited by the places of anchors, which never move, so that a
+ * restored training has the same limits. */
+static bool limit_sizes(saga_fit *f, saga_error *error)
+{
+    const saga_scene *const s = f->scene;
+    saga_lone lone;
+
+    if (!saga_lone_find(&lone, f->pictures, error))
+        return false;
+    for (size_t i = 0; i < s->n.prim; i++) {
+        const real *const at = s->fine_x + 4 * (size_t)s->prim_fine[i];
+        /* A base is drawn with several segments, and may be of any size. */
+        const double d = s->still ? (double)INFINITY
+                                  : (double)saga_lone_distance(&lone, at);
+
+        /* The bounds only keep gradients finite. */
+        f->most_size[i] = (real)fmin(fmax(log2(SAGA_FIT_MOST_SIZE * d), -16),
+                                     60);
+    }
+    saga_lone_free(&lone);
+    if (f->gpu) {
+        saga_away_levels(f->level, s);
+        saga_away_limits(f->limit, f->most_size, f->level, s->n.prim);
+    }
+    return true;
 }
 
 static bool begin_fit(saga_fit *f, saga_error *error)
@@ -49,7 +79,8 @@ static bool begin_fit(saga_fit *f, saga_error *error)
     if (f->o.given)
         memcpy(s->params, f->o.given->scene.params,
                saga_fit_n_params(s) * sizeof *s->params);
-    if (!alloc_all(f, error) || !saga_twin_init(&f->twin, s, error) ||
+    if (!alloc_all(f, error) || !limit_sizes(f, error) ||
+        !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
     f->twin.correction_price = CORRECTION_PRICE;
@@ -96,7 +127,9 @@ void saga_fit_free(saga_fit *f)
     saga_canvas_free(&f->canvas);
     free(f->feature);
     free(f->position);
+    free(f->most_size);
     free(f->level);
+    free(f->limit);
     free(f->params);
     saga_fit_free_descent(f);
     free(f);
@@ -260,6 +293,8 @@ static bool learn_here(saga_fit *f, double *mse, saga_error *error)
               : saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error)))
         return false;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
+    saga_twin_size_loss(&f->twin, f->most_size, n_drawn(f),
+                        saga_fit_size_price(f));
     *mse = l.mse;
     return true;
 }

@@ -5,7 +5,7 @@
  * Rate-Distortion Optimization). It starts from a linear map that reproduces
  * the warm-up's primitives (start.h).
  *
- *     L = D + lambda R / 255^2 + lambda_a L_A + lambda_res L_res
+ *     L = D + lambda R / 255^2 + lambda_a L_A + lambda_res L_res + lambda_s L_S
  *
  * D is the mean squared error of the pictures.
  *
@@ -16,6 +16,9 @@
  *
  * L_A is the distance of anchors from their primitives, and L_res the mean
  * magnitude of the residual hash's corrections, if the model has a hash.
+ *
+ * L_S is the mean over primitives of the squared octaves by which deviations
+ * exceed a part of the distance from the nearest lone view (lone.h).
  *
  * For the first two thirds of the iterations, features and primitives'
  * positions carry uniform noise of one step; for the rest they are rounded.

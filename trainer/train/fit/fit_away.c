@@ -22,6 +22,13 @@ void saga_away_levels(real *level, const saga_scene *s)
     }
 }
 
+void saga_away_limits(real *limit, const real *most, const real *level,
+                      uint32_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        limit[i] = most[i] - level[2 * i];
+}
+
 uint32_t saga_away_n_params(const saga_scene *s)
 {
     size_t n = 0;
@@ -42,7 +49,8 @@ static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
                          .part = part,
                          .most_motion = SAGA_TWIN_MOST_MOTION,
                          .centre_lo = SAGA_TWIN_CENTRE_MIN,
-                         .centre_hi = SAGA_TWIN_CENTRE_MAX };
+                         .centre_hi = SAGA_TWIN_CENTRE_MAX,
+                         .size_price = a->size_price };
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++) {
         p.net[k] = &s->net[nets[k]];

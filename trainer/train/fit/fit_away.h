@@ -14,11 +14,16 @@ typedef struct saga_away {
     const saga_twin *twin;
     const saga_scene *scene; /* that the twin runs */
     saga_scene *d;           /* gradients of its networks */
+    real size_price;         /* of saga_twin_size_loss */
 } saga_away;
 
 /* Sets level (n.prim, 2) to the constants between log2 sizes and outputs of
  * networks, in space and in time. */
 void saga_away_levels(real *level, const saga_scene *s);
+
+/* Sets limit (n.prim) to the outputs that give the log2 sizes `most`. */
+void saga_away_limits(real *limit, const real *most, const real *level,
+                      uint32_t n);
 
 /* Returns the number of parameters of these networks. */
 uint32_t saga_away_n_params(const saga_scene *s);
@@ -28,7 +33,8 @@ uint32_t saga_away_n_params(const saga_scene *s);
 bool saga_away_can(const saga_gpu *gpu, const saga_away *a);
 
 /* Draws the first n primitives as seen by the canvas's camera, compares with
- * the truth of saga_gpu_show, and adds the gradients of networks. Sets *mse. */
+ * the truth of saga_gpu_show, and adds the gradients of networks, with those of
+ * saga_twin_size_loss. Sets *mse. */
 bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
                      uint32_t n, const saga_canvas *canvas, saga_error *error);
 

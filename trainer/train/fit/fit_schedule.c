@@ -100,3 +100,8 @@ saga_rate_options saga_fit_rate_options(const saga_fit *f)
     saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
     return o;
 }
+
+real saga_fit_size_price(const saga_fit *f)
+{
+    return SAGA_FIT_SIZE_PRICE / R(f->scene->n.prim);
+}

@@ -38,6 +38,12 @@ enum {
 /* The weight lambda_a of the distance of anchors from their primitives. */
 #define SAGA_FIT_ANCHOR_PRICE R(0.005)
 
+/* The weight lambda_s of L_S, and the largest deviation of a primitive that
+ * costs nothing, over its distance from the nearest lone view. What is drawn
+ * falsely between cameras has 0.78 and more (docs/lab/warm-up.md). */
+#define SAGA_FIT_SIZE_PRICE R(0.015)
+#define SAGA_FIT_MOST_SIZE 0.6
+
 struct saga_fit {
     saga_scene *scene;
     saga_scene grad;
@@ -57,7 +63,9 @@ struct saga_fit {
     saga_weights weights; /* steps of the weights */
     saga_canvas canvas;
     saga_gpu_canvas *gpu; /* NULL: the processor draws */
-    real *level;          /* of saga_away_levels, or NULL */
+    real *most_size;      /* (prim) log2 of the deviation from which on it
+                           * has a price */
+    real *level, *limit;  /* of saga_away_levels and _limits, or NULL */
     bool is_rated_away;   /* the device has what the rate reads and does not
                            * change */
     bool is_there;        /* the device has all that learns but networks */
@@ -80,6 +88,9 @@ typedef struct saga_fit_rates {
 } saga_fit_rates;
 
 saga_fit_rates saga_fit_rates_now(const saga_fit *f);
+
+/* Returns the weight of saga_twin_size_loss. */
+real saga_fit_size_price(const saga_fit *f);
 
 /* Return the noise of an iteration, and how it looks at the rate. */
 saga_rng saga_fit_noise(const saga_fit *f, uint64_t stream);

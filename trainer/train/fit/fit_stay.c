@@ -43,6 +43,7 @@ static saga_gpu_anchors anchors_of(saga_fit *f)
                                .fine_x = s->fine_x,
                                .fine_offset = f->twin.fine_offset,
                                .level = f->level,
+                               .limit = f->limit,
                                .prim_x = s->prim_x,
                                .m = f->descent.m + at,
                                .v = f->descent.v + at,
@@ -146,7 +147,8 @@ bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
     const saga_gpu_turn t = turn_of(f, &features, &adam);
     const saga_away away = { .twin = &f->twin,
                              .scene = &f->used,
-                             .d = &f->grad };
+                             .d = &f->grad,
+                             .size_price = saga_fit_size_price(f) };
     const saga_rate_options o = saga_fit_rate_options(f);
 
     if (!go_there(f, &features, error))
