@@ -105,9 +105,17 @@ static bool states_are_near(const char *name, const saga_fit *a,
     FREED real *const h = position_gradients(b, m);
     FREED real *const d = zeroed(f, sizeof *d);
     const saga_gpu_way way = { .buffer = GPU_D_COARSE, .n = f, .to = d };
+    const size_t at = (size_t)(b->scene->prim_x - b->scene->reals);
     bool ok = is_near(name, "positions", g, h, 4 * n, 1e-4);
 
-    /* Their steps are those of test_gpu_blocks. */
+    ok = is_near(name, "squares of positions", a->descent.v + at,
+                 b->descent.v + at, 4 * n, 1e-4) &&
+         ok;
+    /* A step is 1e-4 or less. */
+    ok = is_near(name, "steps of positions", a->scene->prim_x, b->scene->prim_x,
+                 4 * n, 1e-6) &&
+         ok;
+    /* The steps of features are those of test_gpu_blocks. */
     assert_done(saga_gpu_ways_get(a->gpu, &way, 1, "features", &error));
     ok = is_near(name, "features", d, b->grad.coarse_feature, f, 1e-4) && ok;
     ok = is_near(name, "supports", a->twin.support, b->twin.support, 4 * n,

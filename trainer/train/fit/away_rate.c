@@ -101,7 +101,7 @@ static void set_kinds(saga_gpu_rates *to, channels c[SAGA_N_KINDS],
 bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
                         const saga_scene *s)
 {
-    channels c[SAGA_N_KINDS];
+    channels c[SAGA_N_KINDS] = { 0 };
     saga_scene d = *s;
     saga_gpu_rates rates;
     bool own = s->n.coarse == s->n.fine && s->n.fine == s->n.prim;
@@ -174,7 +174,7 @@ bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
                     const saga_rate_options *o, saga_error *error)
 {
     const saga_scene rounded = saga_rate_rounded(r, s);
-    channels c[SAGA_N_KINDS];
+    channels c[SAGA_N_KINDS] = { 0 };
     saga_gpu_rates to;
 
     set_kinds(&to, c, r, &rounded, d);
