@@ -176,53 +176,62 @@ static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
 
 /* --- Sources ------------------------------------------------------------- */
 
-/* What a source of a kind reads, and where its gradients go. */
+/* Sources without the memory bank, which no model here has. */
+enum { MOST_SOURCES = 3 };
+
+/* A source of a kind: the columns that it sets, the buffer from which it reads
+ * numbers, and where their gradients go. */
 typedef struct {
-    int from, to; /* buffers; to -1: nothing learns from it */
-    uint32_t have;
-    int links; /* or -1 */
+    saga_gpu_columns columns;
+    int from;
+    uint32_t have;      /* numbers of a row of `from`; 0: the columns are 0 */
+    saga_gpu_target to; /* a buffer of -1: nothing learns from it */
+    bool is_hyper;
 } reading;
 
-static reading reading_of(const rating *s, int kind, uint32_t source)
+static reading parent_of(const rating *s, int kind)
 {
-    const uint32_t f = (uint32_t)s->r->features;
+    const uint32_t f = (uint32_t)s->r->features, n = s->r->n;
 
-    if (source == SAGA_SOURCE_PARENT)
-        return kind == SAGA_KIND_FINE
-                   ? (reading){ GPU_COARSE, GPU_D_COARSE, f,
-                                SAGA_GPU_FINE_PARENT }
-                   : (reading){ GPU_FEATURE, GPU_D_FEATURE, f, -1 };
-    return kind == SAGA_KIND_COARSE ? (reading){ GPU_COARSE, GPU_D_COARSE, f,
-                                                 SAGA_GPU_COARSE_GROUPS }
-                                    : (reading){ GPU_FINE_OFFSET, -1, OFFSETS,
-                                                 SAGA_GPU_FINE_GROUPS };
+    return kind == SAGA_KIND_FINE
+               ? (reading){ .from = GPU_COARSE,
+                            .have = f,
+                            .to = { GPU_D_COARSE, n, SAGA_GPU_FINE_PARENT,
+                                    true } }
+               : (reading){ .from = GPU_FEATURE,
+                            .have = f,
+                            .to = { GPU_D_FEATURE, n, -1, true } };
 }
 
-/* Returns the columns of the next source of a kind, and moves *at behind
- * them. */
-static saga_gpu_columns next_columns(const rating *s, int kind, uint32_t *at)
+static reading groups_of(const rating *s, int kind)
 {
-    const saga_gpu_rates *const r = s->r;
-    const saga_gpu_columns c = { .n_rows = s->n_rows,
-                                 .n = (uint32_t)r->features,
-                                 .dim = (uint32_t)r->kind[kind].net->dim[0],
-                                 .at = *at,
-                                 .first = r->first,
-                                 .every = r->every,
-                                 .most = r->kind[kind].most };
+    const uint32_t n = s->r->n;
 
-    *at += c.n;
-    return c;
+    return kind == SAGA_KIND_COARSE
+               ? (reading){ .from = GPU_COARSE,
+                            .have = (uint32_t)s->r->features,
+                            .to = { GPU_D_COARSE, n, SAGA_GPU_COARSE_GROUPS,
+                                    true } }
+               : (reading){ .from = GPU_FINE_OFFSET,
+                            .have = OFFSETS,
+                            .to = { -1, n, SAGA_GPU_FINE_GROUPS, true } };
 }
 
 /* The outputs of HYPER have a row for each row of the inputs, and bounds of
  * their own. */
-static saga_gpu_columns of_hyper(saga_gpu_columns c, real read_most)
+static reading hyper_of(const rating *s, int kind, saga_gpu_columns c)
 {
+    const int last = s->kind[kind].n_hyper - 1;
+    const real most = s->r->kind[kind].read_most;
+
     c.first = 0;
     c.every = 1;
-    c.most = c.most < read_most ? c.most : read_most;
-    return c;
+    c.most = c.most < most ? c.most : most;
+    return (reading){ .columns = c,
+                      .from = GPU_LAYER + last,
+                      .have = c.n,
+                      .to = { GPU_D_LAYER + last, s->n_rows, -1, false },
+                      .is_hyper = true };
 }
 
 static void hyper_forward(saga_gpu_canvas *g, const rating *s, int kind)
@@ -243,56 +252,61 @@ static void hyper_forward(saga_gpu_canvas *g, const rating *s, int kind)
     saga_gpu_layers_forward(g, &k->layers, 0, k->n_hyper);
 }
 
-static void sources_forward(saga_gpu_canvas *g, const rating *s, int kind)
+/* Lists the sources of a kind in the order of their columns; those that are not
+ * kept are 0. Returns their number. */
+static int list_readings(reading list[MOST_SOURCES], const rating *s, int kind)
 {
-    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
-    uint32_t at = 0;
+    const saga_gpu_rates *const r = s->r;
+    const saga_gpu_rate_kind *const k = &r->kind[kind];
+    saga_gpu_columns c = { .n_rows = s->n_rows,
+                           .n = (uint32_t)r->features,
+                           .dim = (uint32_t)k->net->dim[0],
+                           .first = r->first,
+                           .every = r->every,
+                           .most = k->most };
+    int n = 0;
 
     for (uint32_t source = 1; source < SAGA_SOURCE_BANK; source <<= 1) {
-        saga_gpu_columns c;
-        reading of;
+        reading of = source == SAGA_SOURCE_PARENT ? parent_of(s, kind)
+                                                  : groups_of(s, kind);
 
         if (!(k->sources & source))
             continue;
-        c = next_columns(s, kind, &at);
-        of = reading_of(s, kind, source);
+        of.columns = c;
         if (!(k->keep & source)) {
             of.have = 0;
-            of.links = -1;
+            of.to = (saga_gpu_target){ .to = -1, .links = -1 };
         } else if (source == SAGA_SOURCE_HYPER) {
-            hyper_forward(g, s, kind);
-            c = of_hyper(c, k->read_most);
-            of = (reading){ .from = GPU_LAYER + s->kind[kind].n_hyper - 1,
-                            .have = c.n,
-                            .links = -1 };
+            of = hyper_of(s, kind, c);
         }
-        saga_gpu_gather(g, &c, of.from, of.have, of.links, GPU_RATE_IN);
+        list[n++] = of;
+        c.at += c.n;
+    }
+    return n;
+}
+
+static void sources_forward(saga_gpu_canvas *g, const rating *s, int kind)
+{
+    reading list[MOST_SOURCES];
+    const int n = list_readings(list, s, kind);
+
+    for (int i = 0; i < n; i++) {
+        if (list[i].is_hyper)
+            hyper_forward(g, s, kind);
+        saga_gpu_gather(g, &list[i].columns, list[i].from, list[i].have,
+                        list[i].to.links, GPU_RATE_IN);
     }
 }
 
 static void sources_backward(saga_gpu_canvas *g, const rating *s, int kind)
 {
-    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
-    uint32_t at = 0;
+    reading list[MOST_SOURCES];
+    const int n = list_readings(list, s, kind);
 
-    for (uint32_t source = 1; source < SAGA_SOURCE_BANK; source <<= 1) {
-        saga_gpu_columns c;
-        saga_gpu_target t;
-        reading of;
-
-        if (!(k->sources & source))
-            continue;
-        c = next_columns(s, kind, &at);
-        of = reading_of(s, kind, source);
-        t = (saga_gpu_target){ of.to, s->r->n, of.links, true };
-        if (source == SAGA_SOURCE_HYPER) {
-            c = of_hyper(c, k->read_most);
-            t = (saga_gpu_target){ GPU_D_LAYER + s->kind[kind].n_hyper - 1,
-                                   s->n_rows, -1, false };
-        }
-        if (k->keep & source && t.to >= 0)
-            saga_gpu_scatter(g, &c, GPU_RATE_IN, GPU_D_RATE_IN, &t);
-    }
+    for (int i = 0; i < n; i++)
+        if (list[i].to.to >= 0)
+            saga_gpu_scatter(g, &list[i].columns, GPU_RATE_IN, GPU_D_RATE_IN,
+                             &list[i].to);
 }
 
 /* --- Recording ----------------------------------------------------------- */

@@ -147,6 +147,7 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
     for (size_t i = 0; i < n && ok; i++) {
         const saga_class has = saga_scene_class(s, i);
 
+        /* Two bytes, as rate_cost.comp reads them. */
         span[i] = has.first + 256u * has.n;
         for (size_t k = 0; k < 4; k++)
             offset[4 * i + k] = r->offset[SAGA_RATE_OFFSETS * i + k];

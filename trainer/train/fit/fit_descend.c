@@ -117,7 +117,7 @@ void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
     saga_descent *const d = &f->descent;
     const size_t n = f->scene->n_reals;
 
-    /* What the device has is older than what is read. */
+    /* The device has an older state than the one that is read. */
     d->is_away = d->is_away && !c->reading;
     assert(!d->is_newer && !f->is_newer_there);
 
