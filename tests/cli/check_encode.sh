@@ -613,14 +613,19 @@ for row, line in zip(rows, lines):
         assert float(row[key]) == line[key], (key, row, line)
 assert float(rows[6]["bits"]) == 0 < float(rows[7]["bits"])
 ' 2>>bad || complain "JSON lines: $(head -n 2 l.jsonl)"
-# Teachers must be trained first, except with the preset fast.
-still=(-o t.saga --frames 0:1 --primitives 60 --iterations 40 --log t.csv)
-expect 0 cap "${still[@]}"
+# Between views that are far apart teachers must be trained first, except with
+# the preset fast.
+"$saga" synth wide --size 64x36 --cameras 3 --hold-out 0 --frames 1 \
+    --points 300 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
+still=(-o t.saga --primitives 60 --iterations 40 --log t.csv)
+expect 0 wide "${still[@]}"
 [ "$(sed -n 2p t.csv | cut -d, -f2)" = teachers ] ||
     complain "a still without teachers: $(cat t.csv)"
-expect 0 cap "${still[@]}" --preset fast
+expect 0 wide "${still[@]}" --preset fast
 grep -q teachers t.csv && complain "fast has teachers"
-rm t.saga t.csv
+expect 0 cap "${still[@]}" --frames 0:1
+grep -q teachers t.csv && complain "views that are near have teachers"
+rm -r wide t.saga t.csv
 told 2 nowhere/l.csv cap -o x.saga --log nowhere/l.csv
 told 2 'FILE.jsonl' cap -o x.saga --log l.txt
 rm -f l.* kept whole.kept

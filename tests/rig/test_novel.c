@@ -194,6 +194,13 @@ TEST(cameras_should_stand_where_views_are_far_apart)
     assert_int_equal(o.n_views, 0);
     saga_novel_free(&o);
     drop(f);
+    /* Of four views, one is 0.4 from the nearest. */
+    f = make(0.34);
+    look(&f->views[3], 2 * 0.34 + 0.4);
+    o = placed(f);
+    assert_int_equal(o.n_views, 0);
+    saga_novel_free(&o);
+    drop(f);
     f = make(0.9);
     o = placed(f);
     assert_int_equal(o.n_views, 0);

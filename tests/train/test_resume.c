@@ -100,8 +100,8 @@ TEST(train_should_not_depend_on_threads_that_seldom_meet)
  * its checkpoint, which before packing must show the final file. The file must
  * equal `whole`. The last entry of stops is never reached. Returns the number
  * of stops. */
-static int interrupt(saga_train_options o, const trained *whole,
-                     const tiny_stop *stops)
+static int interrupt(saga_train_options o, const saga_capture *c,
+                     const trained *whole, const tiny_stop *stops)
 {
     saga_error error = { "" };
     saga_outcome status;
@@ -112,7 +112,7 @@ static int interrupt(saga_train_options o, const trained *whole,
 
     o.checkpoint = room.checkpoint;
     tiny_stop_at(&o, &s);
-    t = tiny_begin(&room.capture, &o);
+    t = tiny_begin(c, &o);
     while ((status = saga_train_run(t, &error)) == SAGA_STOPPED) {
         assert_null(saga_train_complaint(t));
         saga_train_free(t);
@@ -126,7 +126,7 @@ static int interrupt(saga_train_options o, const trained *whole,
         n++;
         if (!s.every)
             s = stops[n];
-        t = tiny_resume(&room.capture, &o);
+        t = tiny_resume(c, &o);
     }
     assert_int_equal(status, SAGA_DONE);
     r = tiny_finish(t);
@@ -135,10 +135,18 @@ static int interrupt(saga_train_options o, const trained *whole,
     return n;
 }
 
-/* The three training views are some 20 degrees apart, so that teachers may be
- * used. Each of the two teachers trains for half the length of the warm-up,
- * which doubles the stage. A checkpoint at half the warm-up's length holds a
- * teacher whose training has ended but whose result is not stored yet. */
+/* Returns three views that are far enough apart for teachers. */
+static saga_capture far_apart(void)
+{
+    saga_synth_options s = synth_options(64, 36, 3, 5, 300);
+
+    s.n_hold_out = 0;
+    return tiny_capture(&s);
+}
+
+/* Each of the two teachers trains for half the length of the warm-up, which
+ * doubles the stage. A checkpoint at half the warm-up's length holds a teacher
+ * whose training has ended but whose result is not stored yet. */
 static saga_train_options taught(void)
 {
     saga_train_options o = tiny_defaults();
@@ -247,15 +255,18 @@ TEST(train_should_resume_to_the_same_file)
           { WARM(TINY_WARM), RENDER(1), RENDER(44), PACK, END } },
     };
 
+    saga_capture wide = far_apart();
+
     for (size_t i = 0; i < sizeof trainings / sizeof trainings[0]; i++) {
         const saga_train_options o = trainings[i].options();
+        const saga_capture *const c = o.n_teachers ? &wide : &room.capture;
         trained whole;
         int n = 0, stopped;
 
 #ifdef _OPENMP
         omp_set_num_threads(o.n_teachers ? 3 : 1);
 #endif
-        whole = tiny_train(&room.capture, &o);
+        whole = tiny_train(c, &o);
 #ifdef _OPENMP
         omp_set_num_threads(1);
 #endif
@@ -265,23 +276,31 @@ TEST(train_should_resume_to_the_same_file)
         assert_int_equal(tiny_same(&whole, &plain), i < 2);
         assert_int_equal(has_classes(&whole),
                          trainings[i].options == of_classes);
-        stopped = interrupt(o, &whole, trainings[i].at);
+        stopped = interrupt(o, c, &whole, trainings[i].at);
         while (trainings[i].at[n].stage != SAGA_TRAIN_N_STAGES)
             n++;
         assert_true(trainings[i].at[0].every ? stopped >= 5 : stopped == n);
         free(whole.bytes);
     }
+    saga_capture_free(&wide);
 }
 
 TEST(teachers_that_are_switched_off_should_change_nothing)
 {
-    saga_train_options o = taught();
-    trained other;
+    saga_capture wide = far_apart();
+    saga_train_options o = tiny_defaults();
+    trained without = tiny_train(&wide, &o), off, with;
 
+    o = taught();
+    with = tiny_train(&wide, &o);
     o.ablate = "slots=32,no-teachers";
-    other = tiny_train(&room.capture, &o);
-    assert_true(tiny_same(&other, &plain));
-    free(other.bytes);
+    off = tiny_train(&wide, &o);
+    assert_true(tiny_same(&off, &without));
+    assert_false(tiny_same(&with, &without));
+    free(without.bytes);
+    free(with.bytes);
+    free(off.bytes);
+    saga_capture_free(&wide);
 }
 
 /* Returns options that stop with a checkpoint at a place. */

@@ -130,8 +130,8 @@ static bool is_neighbour(const saga_pictures *p, int k, int i)
 }
 
 /* Places cameras between view k and its neighbours. A mutual pair gets cameras
- * only from its first view. */
-static void place_around(saga_novel *o, const saga_pictures *p, int k)
+ * only from its first view. Returns whether there are neighbours. */
+static bool place_around(saga_novel *o, const saga_pictures *p, int k)
 {
     int near[N_NEIGHBOURS];
     const int n = find_neighbours(near, p, k);
@@ -147,18 +147,23 @@ static void place_around(saga_novel *o, const saga_pictures *p, int k)
             o->nearest[o->n_views++] = fmin(p->range[2 * v], p->range[2 * w]);
         }
     }
+    return n > 0;
 }
 
 bool saga_novel_init(saga_novel *o, const saga_pictures *p, saga_error *error)
 {
     const size_t most = (size_t)p->n_train * N_NEIGHBOURS * N_BETWEEN;
+    int n_lone = 0;
 
     memset(o, 0, sizeof *o);
     o->view = saga_calloc(most, sizeof *o->view, what, error);
     o->nearest = saga_calloc(most, sizeof *o->nearest, what, error);
     o->part = p->capture->n_frames > 1 ? MOVING_PART : STILL_PART;
     for (int k = 0; o->view && o->nearest && k < p->n_train; k++)
-        place_around(o, p, k);
+        n_lone += place_around(o, p, k);
+    /* Where most views are near another one, the rest gain nothing either. */
+    if (2 * n_lone < p->n_train)
+        o->n_views = 0;
     if (o->view && o->nearest &&
         (o->n_views == 0 || saga_pictures_canvas(&o->canvas, p, error)))
         return true;

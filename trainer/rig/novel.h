@@ -32,9 +32,9 @@ typedef struct saga_novel {
 /* Places cameras by the training views (held-out views are not used): three
  * between a view and each of the two nearest views that look in a similar
  * direction. Those must be at most 40 degrees apart as seen from the middle of
- * the scene, and no view may be within 20. n_views is 0 if no view has such
- * neighbours. Returns false with *error set, and nothing to free, if memory is
- * short. */
+ * the scene, and no view may be within 20. n_views is 0 if fewer than half of
+ * the views have such neighbours. Returns false with *error set, and nothing to
+ * free, if memory is short. */
 bool saga_novel_init(saga_novel *novel, const saga_pictures *pictures,
                      saga_error *error);
 void saga_novel_free(saga_novel *novel);
