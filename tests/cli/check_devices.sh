@@ -10,6 +10,8 @@
 #   choose      --device takes numbers of the list; auto and gpu leave
 #               processors out; other words and numbers are refused, with a
 #               remedy
+#   room        check and encode tell the device's memory that a training takes,
+#               and refuse one that the device cannot have
 #   move        a training stopped in the rendering stage goes on to the same
 #               bytes on its device, and to a film on the processor; and one of
 #               the processor goes on on the device
@@ -88,7 +90,7 @@ verdict absent
 driver=$(find /usr/share/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null |
     head -n 1)
 if [ -z "$driver" ]; then
-    for name in list choose move valid; do
+    for name in list choose room move valid; do
         skip $name "mesa-vulkan-drivers is not installed"
     done
     all_passed
@@ -122,6 +124,32 @@ refused "takes auto, cpu, gpu or a number of \`saga devices\`, not '0x'" 0x
 train first 0
 grep -q 'device 0, llvmpipe' "$tmp/err" || complain "no word of device 0"
 verdict choose
+
+# ---- room
+grep -qE 'takes 0\.0[0-9] of the device.s [0-9.]+ GB' "$tmp/err" ||
+    complain "no word of memory: $(cat "$tmp/err")"
+expect 0 check "$tmp/scene" --quiet --device 0 --json
+python3 - "$tmp/out" 2>>"$bad" <<'PYTHON' || complain "wrong forecasts"
+import json, sys
+report = json.load(open(sys.argv[1]))
+assert "llvmpipe" in report["device"], report["device"]
+most = 1
+for f in report["forecast"]:
+    assert 0 < most <= f["device_nbytes"] < report["device_memory_nbytes"], f
+    assert f["device_lacks"] is None, f
+    most = f["device_nbytes"]
+PYTHON
+expect 0 check "$tmp/scene" --quiet --json
+grep -q '"device": null' "$tmp/out" || complain "check without --device has one"
+expect 2 check "$tmp/scene" --quiet --device 99
+tail -n 1 "$tmp/err" | grep -qF 'no device 99, only 0 to 0' ||
+    complain "check --device 99: $(tail -n 1 "$tmp/err")"
+expect 2 "${encode[@]}" -o "$tmp/none.saga" --device 0 --primitives 4000000 \
+    --level 3 --memory 999
+tail -n 1 "$tmp/err" | grep -qE 'need a buffer of .*; use fewer --primitives' ||
+    complain "too many: $(tail -n 1 "$tmp/err")"
+[ ! -e "$tmp/none.saga" ] || complain "too many leave a file"
+verdict room
 
 # ---- move
 longer=(encode "$tmp/scene" --primitives 100 --preset fast --iterations 120

@@ -7,6 +7,7 @@
 #include "check_page.h"
 #include "cli.h"
 #include "commands.h"
+#include "devices_cli.h"
 #include "file.h"
 #include "json_cli.h"
 #include "load.h"
@@ -18,7 +19,7 @@
 
 typedef struct {
     saga_capture_choice capture;
-    const char *html, *fix;
+    const char *html, *fix, *device;
     bool json, quiet;
 } options;
 
@@ -73,6 +74,14 @@ static json_t *refinement_of(const saga_refinement *r)
     return o;
 }
 
+/* What the training takes of the device's memory. */
+static void put_device(json_t *o, const saga_forecast *f)
+{
+    saga_put_int(o, "device_nbytes", (json_int_t)f->device.need);
+    saga_put_text(o, "device_lacks",
+                  saga_failed(&f->lacks) ? f->lacks.message : NULL);
+}
+
 static json_t *forecast_of(const saga_forecast *f,
                            const saga_capture_options *with)
 {
@@ -97,6 +106,7 @@ static json_t *forecast_of(const saga_forecast *f,
     saga_put_flag(o, "/short", memory > (double)with->memory_nbytes);
     saga_put_real(o, "picture_nbytes", f->picture_nbytes);
     saga_put_flag(o, "pictures_in_file", in_file);
+    put_device(o, f);
     return o;
 }
 
@@ -114,17 +124,19 @@ static json_t *lines_of(const char *notes)
 }
 
 static json_t *report_of(const saga_survey *s, const saga_capture *c,
-                         const char *name, const saga_capture_options *with)
+                         const char *name, const saga_capture_options *with,
+                         saga_gpu *gpu)
 {
     json_t *const o = saga_cli_json_head("check", name);
     json_t *const views = json_array();
     json_t *const forecast = json_array();
+    const saga_gpu_info *const device = gpu ? saga_gpu_is(gpu) : NULL;
     saga_forecast f = { .n_segments = 1 };
 
     /* Lists: cameras, forecasts of the presets. */
     for (int v = 0; v < c->n_views; v++)
         saga_put_item(views, view_of(s, c, v));
-    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+    for (int i = 0; saga_forecast_of(&f, c, i, gpu); i++)
         saga_put_item(forecast, forecast_of(&f, with));
     saga_put_text(o, "format", c->format);
     saga_put_int(o, "/n_views", c->n_views);
@@ -137,6 +149,9 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     saga_put(o, "views", views);
     saga_put(o, "notes", lines_of(c->notes));
     saga_put(o, "warnings", lines_of(s->notes));
+    saga_put_text(o, "device", device ? device->name : NULL);
+    saga_put_real(o, "device_memory_nbytes",
+                  device ? (double)device->memory : (double)NAN);
     saga_put(o, "forecast", forecast);
     saga_put_int(o, "/n_segments", f.n_segments);
     return o;
@@ -185,6 +200,10 @@ static const saga_line text[] = {
     { "", "forecast", "    in {memory_nbytes*1e-9:%.1f} GB of memory\n" },
     { "/short", "forecast",
       "    which --memory does not allow; give encode --memory {/gib:%.0f}\n" },
+    { "device_nbytes", "forecast",
+      "    and {device_nbytes*1e-9:%.2f} of the device's "
+      "{^device_memory_nbytes*1e-9:%.1f} GB\n" },
+    { "device_lacks", "forecast", "    which does not do: {device_lacks}\n" },
     { "n_wanted>0", "forecast",
       "    level {level} has room for no more of the "
       "{n_wanted:%.0f} primitives that suit the capture\n" },
@@ -221,7 +240,7 @@ static bool load(saga_capture *c, const char *name, const options *o,
     return ok;
 }
 
-static int check(const char *name, const options *o)
+static int check(const char *name, const options *o, saga_gpu *gpu)
 {
     const saga_print_style how = { o->json, 10, name };
     saga_error error = { "" }, wrong_poses = { "" };
@@ -251,7 +270,7 @@ static int check(const char *name, const options *o)
         status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
                                 wrong_poses.message);
     else
-        status = saga_cli_print_report(report_of(&survey, &c, name, &with),
+        status = saga_cli_print_report(report_of(&survey, &c, name, &with, gpu),
                                        &how, SAGA_LINES(text));
     saga_survey_free(&survey);
     saga_capture_free(&c);
@@ -260,14 +279,20 @@ static int check(const char *name, const options *o)
 
 static int run_check(int argc, char **argv)
 {
-    options o = { .capture = SAGA_CAPTURE_CHOICE };
+    options o = { .capture = SAGA_CAPTURE_CHOICE, .device = "cpu" };
     const char *name;
+    saga_gpu *gpu = NULL;
     int status = saga_cli_parse(&saga_command_check, &o, &name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
     status = saga_cli_threads("check", o.capture.threads);
-    return status ? status : check(name, &o);
+    if (!status)
+        status = saga_cli_open_device(&gpu, o.device, "check");
+    if (!status)
+        status = check(name, &o, gpu);
+    saga_gpu_close(gpu);
+    return status;
 }
 
 static const saga_cli_option option_list[] = {
@@ -280,6 +305,10 @@ static const saga_cli_option option_list[] = {
       "capture, in which the mistakes that were found are\n"
       "corrected",
       saga_cli_text, offsetof(options, fix), 0, 0 },
+    { "--device", "auto|cpu|gpu|N",
+      "also tell the memory that `saga encode` takes of this\n"
+      "device",
+      saga_cli_text, offsetof(options, device), 0, 0 },
     { "--json", NULL,
       "print the report as JSON; null stands for an unknown\n"
       "value",

@@ -58,10 +58,19 @@ static int teachers_of(const saga_capture *c, const saga_preset *preset)
     return apart ? n : 0;
 }
 
+/* Fills what training the first segment takes of the device. */
+static void forecast_device(saga_forecast *f, const saga_capture *first,
+                            const saga_train_options *o)
+{
+    if (o->gpu && saga_train_device_room(&f->device, first, o, &f->lacks))
+        (void)saga_train_fits_device(&f->device, o, &f->lacks);
+}
+
 /* Fills f for one preset. All segments are assumed to be like the first. If the
  * user gave a scale, the capture has it already, so it is not changed. */
 static void forecast(saga_forecast *f, const saga_capture *c,
-                     const saga_preset *preset, saga_source_view *view)
+                     const saga_preset *preset, saga_source_view *view,
+                     saga_gpu *gpu)
 {
     saga_train_options o = saga_train_defaults();
     saga_plan_reasons why;
@@ -99,9 +108,14 @@ static void forecast(saga_forecast *f, const saga_capture *c,
                         (f->scale * f->scale);
     f->least_kb = least / 1000;
     f->most_kb = most / 1000;
+    o.gpu = gpu;
+    o.n_teachers = f->n_teachers;
+    o.n_segments = f->n_segments;
+    forecast_device(f, &first, &o);
 }
 
-bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
+bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index,
+                      saga_gpu *gpu)
 {
     const saga_preset *const preset = saga_preset_at(index);
     saga_source_view *const view = preset ? calloc((size_t)capture->n_views,
@@ -109,7 +123,7 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
                                           : NULL;
 
     if (view)
-        forecast(f, capture, preset, view);
+        forecast(f, capture, preset, view, gpu);
     free(view);
     return view != NULL;
 }
@@ -393,7 +407,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             "PSNR is known only after training. Segments: "
             "%d, each with these numbers of primitives and iterations.<table>",
             saga_plan_segments(c, 0));
-    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+    for (int i = 0; saga_forecast_of(&f, c, i, NULL); i++)
         fprintf(to,
                 "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
                 "%.0f CPU minutes<td>%.1f GB of memory<td>%.0f to %.0f kB<td>"

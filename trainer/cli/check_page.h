@@ -7,6 +7,7 @@
 #define SAGA_CHECK_PAGE_H
 
 #include "capture.h"
+#include "device_room.h"
 #include "survey.h"
 
 typedef struct saga_forecast {
@@ -20,15 +21,18 @@ typedef struct saga_forecast {
     int n_teachers;  /* trained before the warm-up; counted in `minutes` only */
     double minutes;  /* CPU time for all segments */
     double least_kb, most_kb;
-    double memory_nbytes;  /* of training a segment, besides its pictures */
-    double picture_nbytes; /* of a segment's pictures and masks, decoded */
+    double memory_nbytes;    /* of training a segment, besides its pictures */
+    double picture_nbytes;   /* of a segment's pictures and masks, decoded */
+    saga_device_room device; /* all 0 without a device, or if it cannot have a
+                              * buffer */
+    saga_error lacks; /* why that or another device is needed, or empty */
 } saga_forecast;
 
 /* Estimates what encoding with preset number `index` takes, on the assumption
- * that a base saves nothing. Returns false past the last preset, or if memory
- * is short. */
+ * that a base saves nothing; gpu: the device that trains, or NULL. Returns
+ * false past the last preset, or if memory is short. */
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
-                      int index);
+                      int index, saga_gpu *gpu);
 
 /* Writes the page, completely or not at all. `name` is the capture. */
 bool saga_check_page(const char *path, const char *name,

@@ -76,8 +76,8 @@ int saga_cli_open_device(saga_gpu **gpu, const char *name, const char *command)
                               command);
     *gpu = saga_gpu_open(number, &error);
     if (*gpu)
-        saga_cli_error(0, "%s: device %d, %s, draws the pictures", command,
-                       number, saga_gpu_is(*gpu)->name);
+        saga_cli_error(0, "%s: device %d, %s", command, number,
+                       saga_gpu_is(*gpu)->name);
     /* A device that the user did not name must not stop the training. */
     if (!*gpu && is_auto)
         saga_cli_error(0, "%s: %s; the processor trains", command,

@@ -10,6 +10,7 @@
 #include "alloc.h"
 #include "clock.h"
 #include "cube.h"
+#include "device_room.h"
 #include "file.h"
 #include "level_room.h"
 #include "motion.h"
@@ -366,6 +367,31 @@ static int adopt_networks(saga_encode_session *s, saga_train_options *t)
                                 s->error.message);
 }
 
+/* Tells how much of the device's memory the training takes. A device that is
+ * too small ends the run before the training begins, or, if the user did not
+ * name it, leaves the training to the processor. */
+static int check_device(saga_encode_session *s, saga_train_options *t)
+{
+    saga_device_room room;
+    saga_error error = { "" };
+
+    if (!s->gpu)
+        return SAGA_EXIT_OK;
+    if (saga_train_device_room(&room, &s->capture, t, &error) &&
+        saga_train_fits_device(&room, t, &error))
+        return saga_cli_error(SAGA_EXIT_OK,
+                              "encode: the training takes %.2f of the device's "
+                              "%.1f GB",
+                              1e-9 * (double)room.need,
+                              1e-9 * (double)room.memory);
+    if (strcmp(s->o->device, "auto") != 0)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
+    saga_gpu_close(s->gpu);
+    s->gpu = t->gpu = NULL;
+    return saga_cli_error(SAGA_EXIT_OK, "encode: %s; the processor trains",
+                          error.message);
+}
+
 /* Begins or resumes the training: with the checkpoint's segment, with the
  * segment of --only, or with the segment that makes the networks. */
 static int open_training(saga_encode_session *s)
@@ -409,6 +435,8 @@ static int open_training(saga_encode_session *s)
     status = check_memory(
         s, t.n_primitives,
         s->capture.pixels.at ? 0 : (double)s->capture.picture_nbytes);
+    if (!status)
+        status = check_device(s, &t);
     if (status)
         return status;
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)

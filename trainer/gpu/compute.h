@@ -61,7 +61,8 @@ typedef enum saga_gpu_place {
 typedef struct saga_gpu_buffer {
     uint64_t buffer, memory; /* handles; 0: not allocated */
     size_t nbytes;
-    void *map; /* the mapped memory, or NULL if local */
+    size_t held; /* bytes of the device's own memory; 0 if the host has it */
+    void *map;   /* the mapped memory, or NULL if local */
 } saga_gpu_buffer;
 
 /* Allocates a buffer whose content is undefined. Returns false with *error set
@@ -69,6 +70,13 @@ typedef struct saga_gpu_buffer {
  */
 bool saga_gpu_alloc(saga_gpu_buffer *buffer, saga_gpu *gpu, size_t nbytes,
                     saga_gpu_place place, const char *what, saga_error *error);
+
+/* Switched on, buffers are counted but get no memory, so that the room of a
+ * training is known before it begins: such a buffer is only for saga_gpu_grow
+ * and saga_gpu_free, and is freed before the switch is off. Returns the most
+ * bytes of the device's own memory that buffers have had together since the
+ * last call. */
+uint64_t saga_gpu_count(saga_gpu *gpu, bool on);
 
 /* Frees a buffer, which may be all zero, and zeroes it. */
 void saga_gpu_free(saga_gpu_buffer *buffer, saga_gpu *gpu);

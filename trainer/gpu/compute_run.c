@@ -11,6 +11,7 @@
 enum { MOST_X = 32768 };
 
 #define WAIT_NS 60000000000u /* of one look at the fence */
+#define COUNTED UINT64_MAX   /* the handle of a buffer that is only counted */
 
 /* --- Failures ------------------------------------------------------------ */
 
@@ -70,6 +71,27 @@ static uint32_t type_for(const saga_gpu *g, uint32_t mask, saga_gpu_place place)
     return type < UINT32_MAX ? type : memory_type(g, mask, seen);
 }
 
+/* Counts the memory of a buffer that has none yet, if it will be the device's
+ * own. On a device that shares the host's memory, all of it is. */
+static void hold(saga_gpu_buffer *b, saga_gpu *g, uint32_t type)
+{
+    const uint32_t heap = g->heaps.memoryTypes[type].heapIndex;
+
+    if (g->heaps.memoryHeaps[heap].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT)
+        b->held = b->nbytes;
+    g->held += b->held;
+    g->most_held = g->held > g->most_held ? g->held : g->most_held;
+}
+
+uint64_t saga_gpu_count(saga_gpu *g, bool on)
+{
+    const uint64_t most = g->most_held;
+
+    g->is_counting = on;
+    g->most_held = g->held;
+    return most;
+}
+
 static bool bind_memory(saga_gpu_buffer *b, saga_gpu *g, saga_gpu_place place)
 {
     VkMemoryRequirements need;
@@ -87,6 +109,7 @@ static bool bind_memory(saga_gpu_buffer *b, saga_gpu *g, saga_gpu_place place)
                      g->vk.vkAllocateMemory(g->device, &info, NULL, &memory)))
         return false;
     b->memory = (uint64_t)memory;
+    hold(b, g, info.memoryTypeIndex);
     if (!saga_gpu_ok(g, g->vk.vkBindBufferMemory(g->device, (VkBuffer)b->buffer,
                                                  memory, 0)))
         return false;
@@ -95,26 +118,37 @@ static bool bind_memory(saga_gpu_buffer *b, saga_gpu *g, saga_gpu_place place)
                                             0, &b->map));
 }
 
-bool saga_gpu_alloc(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
-                    saga_gpu_place place, const char *what, saga_error *error)
+/* Counts a buffer instead of making it. */
+static bool count_buffer(saga_gpu_buffer *b, saga_gpu *g, saga_gpu_place place)
+{
+    b->buffer = COUNTED;
+    hold(b, g, type_for(g, UINT32_MAX, place));
+    return true;
+}
+
+static bool make_buffer(saga_gpu_buffer *b, saga_gpu *g, saga_gpu_place place)
 {
     const VkBufferCreateInfo info = {
         .sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
-        .size = nbytes > 0 ? nbytes : 4,
+        .size = b->nbytes,
         .usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
                  VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                  VK_BUFFER_USAGE_TRANSFER_DST_BIT
     };
     VkBuffer buffer;
 
-    /* A buffer, then its memory; if either is missing, the reason is told after
-     * both are given back. */
-    *b = (saga_gpu_buffer){ .nbytes = (size_t)info.size };
-    if (saga_gpu_ok(g, g->vk.vkCreateBuffer(g->device, &info, NULL, &buffer))) {
-        b->buffer = (uint64_t)buffer;
-        if (bind_memory(b, g, place))
-            return true;
-    }
+    if (!saga_gpu_ok(g, g->vk.vkCreateBuffer(g->device, &info, NULL, &buffer)))
+        return false;
+    b->buffer = (uint64_t)buffer;
+    return bind_memory(b, g, place);
+}
+
+bool saga_gpu_alloc(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
+                    saga_gpu_place place, const char *what, saga_error *error)
+{
+    *b = (saga_gpu_buffer){ .nbytes = nbytes > 0 ? nbytes : 4 };
+    if (g->is_counting ? count_buffer(b, g, place) : make_buffer(b, g, place))
+        return true;
     saga_gpu_free(b, g);
     if (g->status != VK_ERROR_OUT_OF_DEVICE_MEMORY)
         return saga_gpu_failed(g, error);
@@ -128,10 +162,11 @@ bool saga_gpu_alloc(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
 
 void saga_gpu_free(saga_gpu_buffer *b, saga_gpu *g)
 {
-    if (b->buffer)
+    if (b->buffer && b->buffer != COUNTED)
         g->vk.vkDestroyBuffer(g->device, (VkBuffer)b->buffer, NULL);
     if (b->memory)
         g->vk.vkFreeMemory(g->device, (VkDeviceMemory)b->memory, NULL);
+    g->held -= b->held;
     memset(b, 0, sizeof *b);
 }
 

@@ -39,6 +39,9 @@ struct saga_gpu {
     VkPipeline pipeline[SAGA_N_KERNELS];
     VkDescriptorPool sets;
 
+    bool is_counting;         /* buffers get no memory */
+    uint64_t held, most_held; /* bytes of the device's own memory */
+
     VkResult status;  /* the first failure, or VK_SUCCESS */
     bool is_too_long; /* more jobs than SAGA_GPU_MOST_JOBS were recorded */
 

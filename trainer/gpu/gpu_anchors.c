@@ -12,7 +12,7 @@ static const char what[] = "anchors";
 
 /* --- What stays ---------------------------------------------------------- */
 
-enum { N_MOVING = 7 };
+enum { N_MOVING = 7, N_FIXED = 4 };
 
 /* Lists what steps change; offsets come last. */
 static void list_moving(saga_gpu_way ways[N_MOVING], const saga_gpu_anchors *a)
@@ -37,23 +37,43 @@ static void list_moving(saga_gpu_way ways[N_MOVING], const saga_gpu_anchors *a)
     }
 }
 
-bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
-                          saga_error *error)
+/* Lists what never changes. */
+static void list_fixed(saga_gpu_way ways[N_FIXED], const saga_gpu_anchors *a)
 {
     const size_t n = 4 * (size_t)a->n;
-    const saga_gpu_way ways[] = {
+    const saga_gpu_way list[N_FIXED] = {
         { .buffer = GPU_FINE_X, .n = n, .from = a->fine_x },
         { .buffer = GPU_FINE_EMBED, .n = n, .from = a->fine_offset },
         { .buffer = GPU_LEVEL, .n = n / 2, .from = a->level },
         { .buffer = GPU_LIMIT, .n = a->n, .from = a->limit }
     };
-    saga_gpu_way moving[N_MOVING];
 
+    memcpy(ways, list, sizeof list);
+}
+
+/* A buffer that grows loses its content, so it must have its size at first. */
+static bool put_room(saga_gpu_canvas *g, const saga_gpu_anchors *a,
+                     saga_error *error)
+{
+    saga_gpu_way fixed[N_FIXED], moving[N_MOVING];
+
+    list_fixed(fixed, a);
     list_moving(moving, a);
-    /* A buffer that grows loses its content, so it must have its size at first.
-     */
-    return saga_gpu_room(g, GPU_PRIM, 3 * n * sizeof(real), what, error) &&
-           saga_gpu_ways_put(g, ways, 4, what, error) &&
+    return saga_gpu_room(g, GPU_PRIM, 12 * (size_t)a->n * sizeof(real), what,
+                         error) &&
+           saga_gpu_ways_room(g, fixed, N_FIXED, what, error) &&
+           saga_gpu_ways_room(g, moving, N_MOVING - 1, what, error);
+}
+
+bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
+                          saga_error *error)
+{
+    saga_gpu_way fixed[N_FIXED], moving[N_MOVING];
+
+    list_fixed(fixed, a);
+    list_moving(moving, a);
+    return put_room(g, a, error) &&
+           saga_gpu_ways_put(g, fixed, N_FIXED, what, error) &&
            saga_gpu_ways_put(g, moving, N_MOVING - 1, what, error);
 }
 
@@ -261,4 +281,23 @@ bool saga_gpu_anchors_backward(saga_gpu_canvas *g, saga_gpu_blocks *b,
         return false;
     saga_gpu_ways_take(g, &down, 1);
     return true;
+}
+
+/* --- Room ---------------------------------------------------------------- */
+
+bool saga_gpu_anchors_room(saga_gpu_canvas *g, const saga_gpu_turn *t,
+                           saga_error *error)
+{
+    const saga_gpu_anchors a = { .n = t->n, .features = t->features };
+    const saga_gpu_layers s = layers_of(t);
+    saga_gpu_way moving[N_MOVING], up, down;
+    size_t at = t->base;
+
+    list_moving(moving, &a);
+    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
+    return put_room(g, &a, error) &&
+           saga_gpu_ways_back(g, moving, N_MOVING, what, error) &&
+           make_room(g, &s, t, error) &&
+           saga_gpu_ways_room(g, &up, 1, what, error) &&
+           saga_gpu_ways_back(g, &down, 1, what, error);
 }

@@ -67,4 +67,9 @@ bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,
 bool saga_gpu_anchors_backward(saga_gpu_canvas *g, saga_gpu_blocks *b,
                                const saga_gpu_turn *t, saga_error *error);
 
+/* Makes what these need, for a plan (gpu_splat.h). Of a turn only n, features,
+ * base and the shape of F_fine count. */
+bool saga_gpu_anchors_room(saga_gpu_canvas *g, const saga_gpu_turn *t,
+                           saga_error *error);
+
 #endif

@@ -102,6 +102,13 @@ static void pack_spans(uint32_t *to, const saga_block_adam *b)
     }
 }
 
+/* Bytes of state, blocks and spans on their way. */
+static size_t put_nbytes(const saga_block_adam *b)
+{
+    return state_nbytes(b->n, b->width) + rows_nbytes(b) +
+           b->n * sizeof(uint32_t);
+}
+
 bool saga_gpu_blocks_put(saga_gpu_blocks *s, const saga_block_adam *b,
                          saga_error *error)
 {
@@ -109,7 +116,7 @@ bool saga_gpu_blocks_put(saga_gpu_blocks *s, const saga_block_adam *b,
     const size_t spans = b->n * sizeof(uint32_t);
     char *up;
 
-    if (!make_room(s, b, &s->up, state + rows + spans, error))
+    if (!make_room(s, b, &s->up, put_nbytes(b), error))
         return false;
     up = s->up.map;
     memcpy(up, b->state, state);
@@ -270,4 +277,17 @@ bool saga_gpu_blocks_look(saga_gpu_blocks *s, const saga_block_adam *b,
         return false;
     take_rows(s, b);
     return true;
+}
+
+bool saga_gpu_blocks_plan(saga_gpu_blocks *s, const saga_block_adam *b,
+                          saga_error *error)
+{
+    bool ok = make_room(s, b, &s->up, put_nbytes(b), error);
+
+    /* As blocks_put, blocks_step and blocks_get one after the other. */
+    saga_gpu_free(&s->up, s->gpu);
+    ok = ok && make_room(s, b, &s->up, rows_nbytes(b), error) &&
+         make_room(s, b, &s->down, state_nbytes(b->n, b->width), error);
+    saga_gpu_free(&s->down, s->gpu);
+    return ok && saga_gpu_blocks_room(s, b, error);
 }

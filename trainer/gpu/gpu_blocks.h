@@ -58,4 +58,9 @@ const saga_gpu_buffer *saga_gpu_blocks_flag(const saga_gpu_blocks *blocks);
 bool saga_gpu_blocks_look(saga_gpu_blocks *blocks, const saga_block_adam *b,
                           saga_error *error);
 
+/* Makes what all these need, for a plan (gpu_splat.h): of b only n, width and
+ * stride count. */
+bool saga_gpu_blocks_plan(saga_gpu_blocks *blocks, const saga_block_adam *b,
+                          saga_error *error);
+
 #endif

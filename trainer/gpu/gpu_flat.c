@@ -83,21 +83,34 @@ static bool move_parts(saga_gpu_canvas *g, size_t n, bool is_up,
     return saga_gpu_finish(g->gpu, error);
 }
 
+/* Bytes of a set on its way. */
+static size_t way_nbytes(uint32_t attrs, size_t n)
+{
+    return (3 * saga_attrs_width(attrs) + 4) * n * sizeof(real);
+}
+
+/* Makes room on the device and for the way there. */
+static bool make_room(saga_gpu_canvas *g, uint32_t attrs, size_t n,
+                      saga_error *error)
+{
+    part list[N_PARTS];
+
+    list_parts(list, attrs);
+    for (int i = 0; i < N_PARTS; i++)
+        if (!saga_gpu_room(g, list[i].buffer, list[i].n * n * sizeof(real),
+                           what, error))
+            return false;
+    return saga_gpu_grow(&g->up, g->gpu, way_nbytes(attrs, n), SAGA_GPU_UP,
+                         what, error);
+}
+
 bool saga_gpu_put(saga_gpu_canvas *g, const saga_gpu_set *s, saga_error *error)
 {
     const uint32_t attrs = saga_attrs_of(&s->value);
     const size_t n = s->n, all = saga_attrs_width(attrs) * n;
-    part list[N_PARTS];
     real *up;
 
-    /* Room on the device and for the copy, the copy, and its way. */
-    list_parts(list, attrs);
-    for (int i = 0; i < N_PARTS; i++)
-        if (!saga_gpu_room(g, list[i].buffer, list[i].n * n * sizeof *up, what,
-                           error))
-            return false;
-    if (!saga_gpu_grow(&g->up, g->gpu, (3 * all + 4 * n) * sizeof *up,
-                       SAGA_GPU_UP, what, error))
+    if (!make_room(g, attrs, n, error))
         return false;
     up = g->up.map;
     saga_gpu_pack(up, &s->value, n);
@@ -114,8 +127,8 @@ bool saga_gpu_get(saga_gpu_canvas *g, const saga_gpu_set *s, saga_error *error)
     const size_t n = s->n, all = saga_attrs_width(g->attrs) * n;
     real *down;
 
-    if (!saga_gpu_grow(&g->down, g->gpu, (3 * all + 4 * n) * sizeof *down,
-                       SAGA_GPU_DOWN, what, error) ||
+    if (!saga_gpu_grow(&g->down, g->gpu, way_nbytes(g->attrs, n), SAGA_GPU_DOWN,
+                       what, error) ||
         !move_parts(g, n, false, error))
         return false;
     down = g->down.map;
@@ -180,4 +193,13 @@ bool saga_gpu_step(saga_gpu_canvas *g, double *mse, const saga_canvas *c,
                      "a gradient or value of a primitive is not finite at step "
                      "%llu",
                      (unsigned long long)rules->step);
+}
+
+bool saga_gpu_set_room(saga_gpu_canvas *g, const saga_canvas *c, uint32_t attrs,
+                       uint32_t n, saga_error *error)
+{
+    return make_room(g, attrs, n, error) &&
+           saga_gpu_grow(&g->down, g->gpu, way_nbytes(attrs, n), SAGA_GPU_DOWN,
+                         what, error) &&
+           saga_gpu_pass_room(g, c, attrs, n, error);
 }

@@ -270,3 +270,14 @@ bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
            saga_canvas_n_seen(c);
     return true;
 }
+
+bool saga_gpu_prims_room(saga_gpu_canvas *g, const saga_gpu_prims *p,
+                         const saga_canvas *c, saga_error *error)
+{
+    saga_gpu_networks s;
+
+    list_layers(&s, p);
+    list_ways(&s);
+    return make_room(g, &s, error) &&
+           saga_gpu_pass_room(g, c, p->attrs, p->n, error);
+}

@@ -43,4 +43,8 @@ bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
                           const saga_gpu_prims *p, const saga_canvas *canvas,
                           saga_error *error);
 
+/* Makes what that needs, for a plan (gpu_splat.h). Networks need no weights. */
+bool saga_gpu_prims_room(saga_gpu_canvas *g, const saga_gpu_prims *p,
+                         const saga_canvas *canvas, saga_error *error);
+
 #endif

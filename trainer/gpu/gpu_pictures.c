@@ -71,6 +71,31 @@ void saga_gpu_end_pictures(saga_gpu_canvas *g)
     free(g->cache.picture_in);
 }
 
+/* Makes the next chunk. The last one has the slots that are left. */
+static bool make_chunk(saga_gpu_canvas *g, saga_error *error)
+{
+    saga_gpu_cache *const k = &g->cache;
+    const size_t first = (size_t)k->n_chunks * k->per_chunk;
+    const size_t left = k->n_slots - first;
+
+    if (!saga_gpu_alloc(k->chunk + k->n_chunks, g->gpu,
+                        (left < k->per_chunk ? left : k->per_chunk) * k->each,
+                        SAGA_GPU_LOCAL, "pictures", error))
+        return false;
+    k->n_chunks++;
+    return true;
+}
+
+bool saga_gpu_pictures_room(saga_gpu_canvas *g, saga_error *error)
+{
+    const size_t n = saga_n_parts(g->cache.n_slots, g->cache.per_chunk);
+
+    while ((size_t)g->cache.n_chunks < n)
+        if (!make_chunk(g, error))
+            return false;
+    return true;
+}
+
 /* Sets *slot to a free slot, or to the one that is replaced next. */
 static bool take_slot(uint32_t *slot, saga_gpu_canvas *g, saga_error *error)
 {
@@ -83,12 +108,8 @@ static bool take_slot(uint32_t *slot, saga_gpu_canvas *g, saga_error *error)
         k->slot_of[k->picture_in[*slot]] = 0;
         return true;
     }
-    if ((int)chunk == k->n_chunks) {
-        if (!saga_gpu_alloc(k->chunk + chunk, g->gpu, k->per_chunk * k->each,
-                            SAGA_GPU_LOCAL, "pictures", error))
-            return false;
-        k->n_chunks++;
-    }
+    if ((int)chunk == k->n_chunks && !make_chunk(g, error))
+        return false;
     *slot = k->n_used++;
     return true;
 }

@@ -434,12 +434,17 @@ static uint32_t *pack_readers(const saga_gpu_links *l, uint32_t n,
     return to;
 }
 
+static size_t link_words(uint32_t n, uint32_t n_links)
+{
+    return n + 1 + 2 * (size_t)n_links;
+}
+
 static bool put_links(saga_gpu_canvas *g, int set, const saga_gpu_rate_scene *s,
                       saga_error *error)
 {
     const saga_gpu_links *const l = &s->links[set];
     const uint32_t n_links = l->begin ? l->begin[s->n] : 0;
-    const size_t words = s->n + 1 + 2 * (size_t)n_links;
+    const size_t words = link_words(s->n, n_links);
     uint32_t *const there = pack_links(l, s->n, error);
     uint32_t *const back = there ? pack_readers(l, s->n, error) : NULL;
     const saga_gpu_way ways[] = {
@@ -480,4 +485,28 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
         if (!put_links(g, set, s, error))
             return false;
     return saga_gpu_ways_put(g, ways, n_ways, what, error);
+}
+
+/* --- Room ---------------------------------------------------------------- */
+
+bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates *r,
+                         uint32_t n_links, saga_error *error)
+{
+    const size_t n = r->n, words = link_words(r->n, n_links);
+    rating s;
+
+    list_kinds(&s, r);
+    list_ways(&s);
+    for (int k = 0; k < SAGA_N_KINDS; k++)
+        if (!room(g, GPU_PHASE + k, 4 * n, error) ||
+            !room(g, GPU_SIZE + k, SIZES * n, error) ||
+            !room(g, GPU_VALUE4 + k, 4 * n, error))
+            return false;
+    for (int set = 0; set < SAGA_GPU_N_LINKS; set++)
+        if (!room(g, GPU_LINKS + set, words, error) ||
+            !room(g, GPU_READERS + set, words, error))
+            return false;
+    return room(g, GPU_SPAN, n, error) &&
+           room(g, GPU_FINE_OFFSET, OFFSETS * n, error) &&
+           make_room(g, &s, error);
 }

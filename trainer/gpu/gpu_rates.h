@@ -77,4 +77,9 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
 bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
                    saga_error *error);
 
+/* Makes what these need, for a plan (gpu_splat.h), with sets of n_links links.
+ */
+bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates *r,
+                         uint32_t n_links, saga_error *error);
+
 #endif

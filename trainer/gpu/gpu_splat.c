@@ -14,9 +14,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Pairs of splats and tiles for which there is room at first, for each
- * primitive. */
-enum { FIRST_PAIRS = 8, LEAST_PAIRS = 1 << 16 };
+/* Pairs of splats and tiles for which there is room at first: for each
+ * primitive, but as many at least; and for each tile in a plan. 10,000
+ * primitives had 3 each; fewer are larger, and 2,000 had 123 on a tile. */
+enum { FIRST_PAIRS = 8, LEAST_PAIRS = 1 << 16, PLAN_PAIRS = 160 };
 
 static const char what[] = "primitives";
 
@@ -59,8 +60,16 @@ void saga_gpu_canvas_free(saga_gpu_canvas *g)
     free(g);
 }
 
+/* Returns the bytes of the backdrop's attributes. */
+static size_t back_nbytes(const saga_gpu_frame *f)
+{
+    return sizeof(real) * saga_attrs_width(f->back_attrs) * (f->n - f->n_own);
+}
+
+/* Makes room for a pass with the frame that is set. */
 static bool make_room(saga_gpu_canvas *g, saga_error *error)
 {
+    const size_t back = back_nbytes(&g->frame);
     const size_t n = g->frame.n, own = g->frame.n_own, p = g->most_pairs;
     const size_t word = sizeof(uint32_t);
     const size_t tiles = (size_t)g->frame.n_tiles_x * g->frame.n_tiles_y;
@@ -84,7 +93,7 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
           (saga_n_parts(counts > n ? counts : n, SAGA_GPU_BLOCK) + 1) * word },
         { GPU_RANGE, GPU_RANGE, 2 * tiles * word },
         { GPU_SQUARES, GPU_SQUARES, tiles * word },
-        { GPU_BACK, GPU_BACK, word },
+        { GPU_BACK, GPU_BACK, back ? back : word },
         { GPU_GRAD, GPU_GRAD, saga_attrs_width(g->frame.attrs) * own * word }
     };
 
@@ -92,7 +101,17 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
         for (int b = need[i].first; b <= need[i].last; b++)
             if (!saga_gpu_room(g, b, need[i].nbytes, what, error))
                 return false;
-    return true;
+    return back == 0 || saga_gpu_grow(&g->up_back, g->gpu, back, SAGA_GPU_UP,
+                                      "still primitives", error);
+}
+
+/* Has room for the first pairs of a pass with the frame that is set. */
+static void expect_pairs(saga_gpu_canvas *g, uint32_t at_least)
+{
+    const uint32_t first = LEAST_PAIRS + FIRST_PAIRS * g->frame.n;
+    const uint32_t most = first > at_least ? first : at_least;
+
+    g->most_pairs = g->most_pairs > most ? g->most_pairs : most;
 }
 
 /* --- The host's arrays --------------------------------------------------- */
@@ -275,40 +294,22 @@ void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes)
         1);
 }
 
-static bool send_backdrop(saga_gpu_canvas *g, const saga_canvas *c,
-                          saga_error *error)
-{
-    const size_t nbytes = sizeof(real) * saga_attrs_width(g->frame.back_attrs) *
-                          c->n_still;
-
-    if (c->n_still == 0)
-        return true;
-    if (!saga_gpu_room(g, GPU_BACK, nbytes, "still primitives", error) ||
-        !saga_gpu_grow(&g->up_back, g->gpu, nbytes, SAGA_GPU_UP,
-                       "still primitives", error))
-        return false;
-    saga_gpu_pack(g->up_back.map, c->still, c->n_still);
-    return true;
-}
-
 bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
                    void (*record)(saga_gpu_canvas *), saga_error *error)
 {
     saga_gpu_frame *const f = &g->frame;
     const uint32_t *const total = g->down.map;
-    const size_t back = sizeof(real) * saga_attrs_width(f->back_attrs) *
-                        c->n_still;
+    const size_t back = back_nbytes(f);
 
-    if (g->most_pairs < LEAST_PAIRS + FIRST_PAIRS * f->n)
-        g->most_pairs = LEAST_PAIRS + FIRST_PAIRS * f->n;
-    if (!send_backdrop(g, c, error))
-        return false;
+    expect_pairs(g, 0);
     /* What the host sends, the lists, what is wanted, the totals; all of it
      * once more if there are more pairs than room. */
     for (;;) {
         f->most_pairs = g->most_pairs;
         if (!make_room(g, error))
             return false;
+        if (back)
+            saga_gpu_pack(g->up_back.map, c->still, c->n_still);
         memcpy(g->up_frame.map, f, sizeof *f);
         saga_gpu_begin(g->gpu);
         saga_gpu_copy(g->gpu, &g->on[GPU_FRAME], 0, &g->up_frame, 0, sizeof *f);
@@ -330,22 +331,30 @@ bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
 
 /* --- Passes over the host's primitives ----------------------------------- */
 
-/* Bytes of `down` after the totals. */
+/* Makes room for the ways of n primitives up and of `down` bytes, after the
+ * totals, down. */
+static bool ways_room(saga_gpu_canvas *g, uint32_t attrs, uint32_t n,
+                      size_t down, saga_error *error)
+{
+    const size_t nbytes = saga_attrs_width(attrs) * n * sizeof(real);
+
+    return saga_gpu_room(g, GPU_VALUE, nbytes, what, error) &&
+           saga_gpu_grow(&g->up, g->gpu, nbytes, SAGA_GPU_UP, what, error) &&
+           saga_gpu_grow(&g->down, g->gpu,
+                         SAGA_GPU_N_TOTALS * sizeof(uint32_t) + down,
+                         SAGA_GPU_DOWN, what, error);
+}
+
 static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
                        const saga_splat_params *p, uint32_t n, size_t down,
                        saga_error *error)
 {
     const uint32_t attrs = saga_attrs_of(p);
-    const size_t nbytes = saga_attrs_width(attrs) * n * sizeof(real);
 
     saga_gpu_set_frame(g, c, attrs, n);
     g->n_set = 0;
-    g->n_up = nbytes;
-    if (!saga_gpu_room(g, GPU_VALUE, nbytes, what, error) ||
-        !saga_gpu_grow(&g->up, g->gpu, nbytes, SAGA_GPU_UP, what, error) ||
-        !saga_gpu_grow(&g->down, g->gpu,
-                       SAGA_GPU_N_TOTALS * sizeof(uint32_t) + down,
-                       SAGA_GPU_DOWN, what, error))
+    g->n_up = saga_attrs_width(attrs) * n * sizeof(real);
+    if (!ways_room(g, attrs, n, down, error))
         return false;
     saga_gpu_pack(g->up.map, p, n);
     return true;
@@ -396,6 +405,12 @@ static void record_learning(saga_gpu_canvas *g)
                   3 * n * word);
 }
 
+/* Returns the bytes of gradients and statistics. */
+static size_t learned_nbytes(uint32_t attrs, size_t n)
+{
+    return (saga_attrs_width(attrs) + 3) * n * sizeof(real);
+}
+
 /* Adds the gradients of a pass on the host. */
 typedef struct {
     const saga_gpu_canvas *g;
@@ -440,8 +455,7 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
     const size_t reals = saga_attrs_width(saga_attrs_of(p)) * n;
     adding j = { .g = g, .l = l, .n = n };
 
-    if (!begin_pass(g, c, p, n, (reals + 3 * (size_t)n) * sizeof(real),
-                    error) ||
+    if (!begin_pass(g, c, p, n, learned_nbytes(saga_attrs_of(p), n), error) ||
         !saga_gpu_pass(g, c, record_learning, error))
         return false;
     j.grad = saga_gpu_after_totals(g);
@@ -454,4 +468,21 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
                                  .n = saga_n_parts(n, PART),
                                  .ns = (double)ADD_NS * n });
     return true;
+}
+
+/* --- Room ---------------------------------------------------------------- */
+
+bool saga_gpu_pass_room(saga_gpu_canvas *g, const saga_canvas *c,
+                        uint32_t attrs, uint32_t n, saga_error *error)
+{
+    saga_gpu_set_frame(g, c, attrs, n);
+    expect_pairs(g, PLAN_PAIRS * g->frame.n_tiles_x * g->frame.n_tiles_y);
+    return make_room(g, error);
+}
+
+bool saga_gpu_learn_room(saga_gpu_canvas *g, const saga_canvas *c,
+                         uint32_t attrs, uint32_t n, saga_error *error)
+{
+    return ways_room(g, attrs, n, learned_nbytes(attrs, n), error) &&
+           saga_gpu_pass_room(g, c, attrs, n, error);
 }

@@ -40,6 +40,15 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *learning,
 bool saga_gpu_draw(saga_gpu_canvas *g, saga_canvas *canvas,
                    const saga_splat_params *p, uint32_t n, saga_error *error);
 
+/* Make what saga_gpu_learn needs for n primitives with these attributes, and
+ * for a picture as large as the canvas's camera says; and the room for all
+ * pictures that are kept. They are for a device that counts (saga_gpu_count):
+ * what is counted is what a training then makes, but for pairs of splats and
+ * tiles, of which nobody knows the number before. */
+bool saga_gpu_learn_room(saga_gpu_canvas *g, const saga_canvas *canvas,
+                         uint32_t attrs, uint32_t n, saga_error *error);
+bool saga_gpu_pictures_room(saga_gpu_canvas *g, saga_error *error);
+
 /* --- The warm-up's primitives, which stay on the device ------------------- */
 
 /* Arrays of the host (warm/flat_state.h). */
@@ -63,6 +72,10 @@ bool saga_gpu_put(saga_gpu_canvas *g, const saga_gpu_set *set,
                   saga_error *error);
 bool saga_gpu_get(saga_gpu_canvas *g, const saga_gpu_set *set,
                   saga_error *error);
+
+/* Makes what a set of n primitives and its steps need, for a plan. */
+bool saga_gpu_set_room(saga_gpu_canvas *g, const saga_canvas *canvas,
+                       uint32_t attrs, uint32_t n, saga_error *error);
 
 /* One iteration of the warm-up with the set that was put: the gradients of the
  * picture of saga_gpu_show, and a step (warm/flat.c). Sets *mse. Fails too if

@@ -162,6 +162,9 @@ void saga_gpu_set_frame(saga_gpu_canvas *g, const saga_canvas *c,
  * if that was short. `down` has the totals at its begin then. */
 bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
                    void (*record)(saga_gpu_canvas *), saga_error *error);
+/* Makes room for a pass, with many pairs, for a plan. */
+bool saga_gpu_pass_room(saga_gpu_canvas *g, const saga_canvas *c,
+                        uint32_t attrs, uint32_t n, saga_error *error);
 void saga_gpu_record_tiles(saga_gpu_canvas *g);
 void saga_gpu_record_back(saga_gpu_canvas *g);
 /* n_sizes: work groups that have left sums of sizes, or 0. */

@@ -59,12 +59,11 @@ static void fill_rules(saga_flat *f)
 {
     const double frame = 1.0 / f->pictures->capture->n_frames;
 
+    f->attrs = saga_flat_attrs(f->o.temporal);
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const saga_attribute *const k = &saga_attributes[a];
         const double step = step_of(f, k->unit);
 
-        if (k->rate > 0 && (f->o.temporal || !k->is_temporal))
-            f->attrs |= SAGA_ATTR_BIT(a);
         f->rule[a] =
             (saga_flat_rule){ (real)k->lo, (real)k->hi, (real)(k->rate * step),
                               (real)(k->rate_end * step) * R(last_of(f)) };

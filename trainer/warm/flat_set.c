@@ -24,6 +24,17 @@ uint32_t saga_flat_count(const saga_flat *f)
     return f->n;
 }
 
+uint32_t saga_flat_attrs(bool temporal)
+{
+    uint32_t attrs = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (saga_attributes[a].rate > 0 &&
+            (temporal || !saga_attributes[a].is_temporal))
+            attrs |= SAGA_ATTR_BIT(a);
+    return attrs;
+}
+
 static size_t width_of(int attr)
 {
     return (size_t)saga_attributes[attr].width;

@@ -170,6 +170,13 @@ static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
                                                 (double)r->bits[kind][c];
 }
 
+/* Returns where parameters begin: behind those of primitives and F_fine. */
+static uint32_t first_param(const saga_scene *s)
+{
+    return saga_away_n_params(s) +
+           (uint32_t)saga_net_n_params(&s->net[SAGA_NET_FINE]);
+}
+
 bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
                     saga_scene *d, const saga_scene *s,
                     const saga_rate_options *o, saga_error *error)
@@ -183,8 +190,7 @@ bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
     to.every = o->every;
     to.rounding = o->rounding;
     to.weight = o->weight * R(o->every);
-    to.base = saga_away_n_params(s) +
-              (uint32_t)saga_net_n_params(&s->net[SAGA_NET_FINE]);
+    to.base = first_param(s);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
@@ -192,4 +198,35 @@ bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
         return false;
     add_bits(bits, &to, &s->model);
     return true;
+}
+
+/* --- Room ---------------------------------------------------------------- */
+
+/* An anchor has at most as many links in a set as a model has neighbours. */
+static uint32_t most_links(const saga_scene *s)
+{
+    const uint32_t coarse = s->model.tier[SAGA_TIER_COARSE].neighbours;
+    const uint32_t fine = s->model.tier[SAGA_TIER_FINE].neighbours;
+
+    return s->n.coarse * (coarse > fine ? coarse : fine);
+}
+
+bool saga_away_rate_room(const saga_gpu *gpu, saga_gpu_canvas *g, saga_scene *s,
+                         saga_error *error)
+{
+    saga_rate *const all = saga_calloc(1, sizeof *all, what, error);
+    channels c[SAGA_N_KINDS] = { 0 };
+    saga_gpu_rates to;
+    bool ok;
+
+    if (!all)
+        return false;
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        all->context.keep[kind] = SAGA_SOURCES_KNOWN;
+    set_kinds(&to, c, all, s, s);
+    to.base = first_param(s);
+    ok = !saga_gpu_can_rate(gpu, &to) ||
+         saga_gpu_rates_room(g, &to, most_links(s), error);
+    free(all);
+    return ok;
 }

@@ -25,4 +25,8 @@ bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
                     saga_scene *d, const saga_scene *s,
                     const saga_rate_options *o, saga_error *error);
 
+/* As saga_away_room, with all sources. */
+bool saga_away_rate_room(const saga_gpu *gpu, saga_gpu_canvas *g, saga_scene *s,
+                         saga_error *error);
+
 #endif

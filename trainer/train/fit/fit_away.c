@@ -39,29 +39,26 @@ uint32_t saga_away_n_params(const saga_scene *s)
     return (uint32_t)n;
 }
 
-static saga_gpu_prims prims_of(const saga_away *a, saga_attr_part *part,
-                               uint32_t n)
+/* part and size_price are left to who learns. */
+static saga_gpu_prims prims_of(const saga_scene *s, saga_scene *d, uint32_t n)
 {
-    const saga_scene *const s = a->scene;
     saga_gpu_prims p = { .n = n,
-                         .attrs = saga_attrs_of(&a->twin->attr),
+                         .attrs = saga_attrs_of_tools(s->model.tools, s->still),
                          .features = s->model.features,
-                         .part = part,
                          .most_motion = SAGA_TWIN_MOST_MOTION,
                          .centre_lo = SAGA_TWIN_CENTRE_MIN,
-                         .centre_hi = SAGA_TWIN_CENTRE_MAX,
-                         .size_price = a->size_price };
+                         .centre_hi = SAGA_TWIN_CENTRE_MAX };
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++) {
         p.net[k] = &s->net[nets[k]];
-        p.d_net[k] = &a->d->net[nets[k]];
+        p.d_net[k] = &d->net[nets[k]];
     }
     return p;
 }
 
 bool saga_away_can(const saga_gpu *gpu, const saga_away *a)
 {
-    const saga_gpu_prims p = prims_of(a, NULL, a->scene->n.prim);
+    const saga_gpu_prims p = prims_of(a->scene, a->d, a->scene->n.prim);
 
     return a->twin->whole && a->scene->net[SAGA_NET_RES].n_layers == 0 &&
            saga_gpu_can_learn_prims(gpu, &p);
@@ -71,8 +68,19 @@ bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
                      uint32_t n, const saga_canvas *canvas, saga_error *error)
 {
     saga_attr_part part[MOST_OUTPUTS];
-    const saga_gpu_prims p = prims_of(a, part, n);
+    saga_gpu_prims p = prims_of(a->scene, a->d, n);
 
+    p.part = part;
+    p.size_price = a->size_price;
     saga_twin_parts(part, a->scene);
     return saga_gpu_learn_prims(g, mse, &p, canvas, error);
+}
+
+bool saga_away_room(const saga_gpu *gpu, saga_gpu_canvas *g,
+                    const saga_canvas *canvas, saga_scene *s, saga_error *error)
+{
+    const saga_gpu_prims p = prims_of(s, s, s->n.prim);
+
+    return !saga_gpu_can_learn_prims(gpu, &p) ||
+           saga_gpu_prims_room(g, &p, canvas, error);
 }

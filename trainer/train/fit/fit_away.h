@@ -38,4 +38,11 @@ bool saga_away_can(const saga_gpu *gpu, const saga_away *a);
 bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
                      uint32_t n, const saga_canvas *canvas, saga_error *error);
 
+/* Makes the room that this takes on a device that can do it, for a plan
+ * (gpu_splat.h): of the scene only model, counts and shapes of networks count.
+ */
+bool saga_away_room(const saga_gpu *gpu, saga_gpu_canvas *g,
+                    const saga_canvas *canvas, saga_scene *s,
+                    saga_error *error);
+
 #endif

@@ -48,7 +48,7 @@ static size_t n_blocks_state(const saga_fit *f)
     return saga_block_adam_size(f->scene->n.coarse, f->descent.width);
 }
 
-static size_t widest_block(const saga_model *m)
+size_t saga_fit_width(const saga_model *m)
 {
     size_t most = saga_class_of(m, 0).n;
 
@@ -80,7 +80,7 @@ bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
     saga_descent *const d = &f->descent;
     saga_block_adam features;
 
-    d->width = widest_block(&f->scene->model);
+    d->width = saga_fit_width(&f->scene->model);
     d->span = saga_calloc(f->scene->n.coarse, sizeof *d->span, "the fit",
                           error);
     d->m = zeros(f->scene->n_reals, error);

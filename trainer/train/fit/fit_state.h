@@ -98,6 +98,8 @@ saga_rate_options saga_fit_rate_options(const saga_fit *f);
 
 /* fit_descend.c: returns the features with their learning rate. */
 saga_block_adam saga_fit_features(saga_fit *f);
+/* Returns the width of the blocks of a model's features. */
+size_t saga_fit_width(const saga_model *m);
 /* Allocates the state of the optimisers, when all else is made.
  * Returns false with *error set if memory is short; saga_fit_free frees what
  * was allocated. */

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The room on a device that is told before a training, against what the
+ * training then makes there. It must not be less, and may be more by what
+ * nobody knows before: how far the warm-up grows, pairs of splats and tiles,
+ * tools and sources that are given up. SAGA_TEST_GPU is the number of the
+ * device; the first one is the default. Without a device the tests are skipped.
+ */
+#include "device_room.h"
+#include "test_device.h"
+#include "tiny_training.h"
+
+TEST_GROUP(set_up_device, tear_down_device);
+
+enum { WARM = 20, RENDER = 30 };
+
+/* A case, and the part by which the plan may exceed the truth. */
+typedef struct {
+    const char *name;
+    uint32_t n;
+    int n_frames;
+    bool paper;
+    double over;
+} variant;
+
+/* The paper's model gives nothing up. The many have more features than they
+ * keep tools for. */
+static const variant variants[] = { { "film", 300, 3, false, 0.12 },
+                                    { "many", 1000, 3, false, 0.25 },
+                                    { "still", 300, 1, false, 0.12 },
+                                    { "paper", 300, 3, true, 0 } };
+
+static bool agree(saga_gpu *gpu, const variant *v)
+{
+    saga_train_options o = tiny_options(v->n, WARM, RENDER);
+    saga_device_room plan;
+    tiny t;
+    trained file;
+    double made;
+
+    tiny_open(&t, v->n_frames);
+    o.paper = v->paper;
+    o.gpu = gpu;
+    assert_done(saga_train_device_room(&plan, &t.capture, &o, &error));
+    assert_int_equal(saga_gpu_count(gpu, false), 0);
+    file = tiny_train(&t.capture, &o);
+    made = (double)saga_gpu_count(gpu, false);
+    print_message("%s: %.0f bytes planned (%.0f and %.0f), %.0f made, %.3f\n",
+                  v->name, (double)plan.need, (double)plan.warm,
+                  (double)plan.render, made, (double)plan.need / made);
+    free(file.bytes);
+    tiny_close(&t);
+    return made > 0 && made <= (double)plan.need &&
+           (double)plan.need <= (1 + v->over) * made;
+}
+
+TEST(a_plan_should_have_the_room_of_the_training)
+{
+    saga_gpu *const gpu = test_device_of(state);
+    bool ok = true;
+
+    for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
+        ok = agree(gpu, &variants[i]) && ok;
+    assert_true(ok);
+}

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: MIT */
+#include "device_room.h"
+
+#include "ablation.h"
+#include "fit_room.h"
+#include "flat.h"
+#include "scene_model.h"
+
+/* A picture as large as the largest, with nothing in it. */
+static saga_canvas largest_of(const saga_capture *c)
+{
+    saga_canvas canvas = { .n_still = 0 };
+
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_source_view *const view = &c->views[v];
+
+        if ((double)view->width * view->height >
+            (double)canvas.camera.width * canvas.camera.height) {
+            canvas.camera.width = view->width;
+            canvas.camera.height = view->height;
+        }
+    }
+    return canvas;
+}
+
+static bool moves(const saga_capture *c, const saga_train_options *o)
+{
+    return c->n_frames > 1 && o->motion != SAGA_TRAIN_STILL;
+}
+
+static bool warm_room(const saga_pictures *pictures, const saga_canvas *canvas,
+                      const saga_train_options *o, saga_error *error)
+{
+    saga_flat_options f = saga_flat_defaults();
+
+    f.n_primitives = o->n_primitives;
+    f.temporal = moves(pictures->capture, o);
+    f.gpu = o->gpu;
+    return o->given ||
+           saga_flat_room(pictures, &f, canvas, o->n_teachers > 0, error);
+}
+
+static bool render_room(const saga_pictures *pictures,
+                        const saga_canvas *canvas, const saga_train_options *o,
+                        saga_error *error)
+{
+    /* Of the policy only the sizes of networks count, which are largest where
+     * bits cost nothing. */
+    const saga_policy policy = saga_policy_of(0, 1e9, o->n_primitives);
+    const saga_counts n = { o->n_coarse, o->n_fine, o->n_primitives };
+    saga_ablation ablation;
+    const saga_model_terms terms = { o, &ablation, &policy };
+    saga_model model;
+
+    if (!saga_options_ablation(&ablation, o, error))
+        return false;
+    saga_plan_model(&model, &terms,
+                    moves(pictures->capture, o) ? SAGA_TOOLS_PICTURE
+                                                : SAGA_TOOL_VIEW);
+    return saga_fit_room(o->gpu, pictures, canvas, &model, n, error);
+}
+
+/* Counts both stages on a device that has no buffers. */
+static bool count(saga_device_room *room, const saga_pictures *pictures,
+                  const saga_canvas *canvas, const saga_train_options *o,
+                  saga_error *error)
+{
+    bool ok;
+
+    saga_gpu_count(o->gpu, true);
+    ok = warm_room(pictures, canvas, o, error);
+    room->warm = saga_gpu_count(o->gpu, true);
+    ok = ok && render_room(pictures, canvas, o, error);
+    room->render = saga_gpu_count(o->gpu, false);
+    room->need = room->warm > room->render ? room->warm : room->render;
+    room->memory = saga_gpu_is(o->gpu)->memory;
+    return ok;
+}
+
+bool saga_train_device_room(saga_device_room *room, const saga_capture *capture,
+                            const saga_train_options *options,
+                            saga_error *error)
+{
+    const saga_pictures pictures = { .capture = capture };
+    saga_canvas canvas = largest_of(capture);
+    saga_train_options o = *options;
+    saga_splat_params base = { 0 };
+    bool ok;
+
+    saga_options_derive(&o);
+    if (o.n_segments > 1) {
+        if (!saga_params_alloc(&base, saga_attrs_of_tools(0, true),
+                               o.n_primitives, error))
+            return false;
+        canvas.still = &base;
+        canvas.n_still = o.n_primitives;
+    }
+    ok = count(room, &pictures, &canvas, &o, error);
+    saga_params_free(&base);
+    return ok;
+}
+
+bool saga_train_fits_device(const saga_device_room *room,
+                            const saga_train_options *o, saga_error *error)
+{
+    return room->need <= room->memory ||
+           saga_fail(error, NULL,
+                     "use fewer --primitives, a smaller --scale, or --device "
+                     "cpu",
+                     "training %u primitives takes %.1f GB of the GPU's "
+                     "memory, and %s has %.1f",
+                     o->n_primitives, 1e-9 * (double)room->need,
+                     saga_gpu_is(o->gpu)->name, 1e-9 * (double)room->memory);
+}
