@@ -7,7 +7,7 @@
  * first one is the default. Without a device the tests are skipped.
  */
 #include "flat_state.h"
-#include "gpu_splat.h"
+#include "gpu_state.h"
 #include "gpu_world.h"
 #include "novel.h"
 #include "near.h"
@@ -158,6 +158,41 @@ TEST(a_pass_should_agree_with_the_host)
         free_fixture(f);
     }
     assert_true(ok);
+}
+
+/* --- Pairs --------------------------------------------------------------- */
+
+/* A million splats, each on as many tiles as a picture of 4096 x 4096 has, are
+ * more pairs than a word can count. */
+TEST(more_pairs_than_a_word_should_be_too_many)
+{
+    enum { N = 1 << 20, TILES = 1 << 16 };
+    const world *const w = world_of(state);
+    const uint32_t n = N, is_listed = 0, blocks = N / SAGA_GPU_BLOCK;
+    const size_t at = blocks * sizeof(uint32_t);
+    saga_gpu_buffer down = { 0 };
+    saga_gpu_canvas *g;
+
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_room(g, GPU_COUNT, N * sizeof n, "counts", &error));
+    assert_done(saga_gpu_room(g, GPU_ORDER, N * sizeof n, "counts", &error));
+    assert_done(saga_gpu_room(g, GPU_OFFSET, N * sizeof n, "sums", &error));
+    assert_done(saga_gpu_room(g, GPU_SUMS, at + sizeof n, "sums", &error));
+    assert_done(saga_gpu_alloc(&down, w->gpu, sizeof n, SAGA_GPU_DOWN, "a sum",
+                               &error));
+    saga_gpu_begin(w->gpu);
+    saga_gpu_fill(w->gpu, &g->on[GPU_COUNT], 0, N * sizeof n, TILES);
+    saga_gpu_do_with(
+        g, SAGA_KERNEL_SCAN, blocks,
+        (int[]){ GPU_FRAME, GPU_COUNT, GPU_ORDER, GPU_OFFSET, GPU_SUMS, -1 },
+        (uint32_t[]){ n, is_listed }, 2);
+    saga_gpu_do_with(g, SAGA_KERNEL_SCAN_TOP, 1,
+                     (int[]){ GPU_FRAME, GPU_SUMS, -1 }, &blocks, 1);
+    saga_gpu_copy(w->gpu, &down, 0, &g->on[GPU_SUMS], at, sizeof n);
+    assert_done(saga_gpu_finish(w->gpu, &error));
+    assert_int_equal(*(const uint32_t *)down.map, INT32_MAX);
+    saga_gpu_free(&down, w->gpu);
+    saga_gpu_canvas_free(g);
 }
 
 /* --- Teachers ------------------------------------------------------------ */

@@ -43,7 +43,7 @@ void main()
         const uint at = begin + k;
 
         x[k] = at >= n ? 0 : from[is_listed != 0 ? order[at] : at];
-        total += x[k];
+        total = plus(total, x[k]);
     }
     before = prefix_sum(total, all);
     for (uint k = 0; k < EACH; k++) {

@@ -26,7 +26,7 @@ void main()
 
         if (at < n)
             sum[at] = base + before;
-        base += all;
+        base = plus(base, all);
     }
     if (gl_LocalInvocationIndex == 0)
         sum[n] = base;
