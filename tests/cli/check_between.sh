@@ -7,6 +7,8 @@
 #               `balanced` than in that of `fast`, which has two thirds of its
 #               bytes. A long primitive that is drawn falsely before one costs
 #               4 dB (docs/lab/warm-up.md)
+#   predicted   what `encode` predicts between the cameras is within 2 dB of
+#               what the cameras left out have, and these count
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 checks=between
@@ -17,7 +19,9 @@ run_as=("$saga")
 expect 0 synth ring --scene ring --size 160x90 --samples 1 --cameras 12 \
     --hold-out 3 --frames 8 --depth-every 0 --quiet
 for preset in fast balanced; do
-    expect 0 encode ring -o $preset.saga --preset $preset --device cpu --quiet
+    expect 0 encode ring -o $preset.saga --preset $preset --device cpu --quiet \
+        --json
+    mv out $preset.report
     expect 0 eval $preset.saga ring --no-ssim --json --quiet
     mv out $preset.json
 done
@@ -31,5 +35,17 @@ for a, b in zip(fast, balanced):
     assert b["psnr"] > a["psnr"] - 0.5, (a["name"], a["psnr"], b["psnr"])
 PYTHON
 verdict presets
+
+python3 - >>"$bad" 2>&1 <<'PYTHON' || complain "the prediction"
+import json
+
+for name in "fast", "balanced":
+    report = json.load(open(f"{name}.report"))
+    between, psnr = report["psnr_between"], report["psnr"]
+    assert between["measured"], between
+    assert between["expected"] == psnr["held_out"], (between, psnr)
+    assert abs(between["predicted"] - psnr["held_out"]) < 2, (between, psnr)
+PYTHON
+verdict predicted
 
 all_passed

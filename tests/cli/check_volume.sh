@@ -7,6 +7,8 @@
 #   set       options change their fields and no others; pictures, cuts and
 #             joins keep; --none gives the file of before
 #   encoded   `saga encode` writes a volume with the PSNR that it reports
+#   predicted without held-out cameras it writes the PSNR that it predicts
+#             between the cameras, unless the training is too short
 #   bad       a value out of its range, ends out of order, a camera that is not
 #             there, a change without -o and -o without a change give a message
 #             of one line, and no file; so does a damaged volume
@@ -85,6 +87,31 @@ assert abs(v["psnr_between"] - psnr["held_out"]) <= 1 / 512, (v, psnr)
 assert report["bytes"]["volume"] == 50
 E
 verdict encoded
+
+# ---- predicted: large pictures and few primitives make iterations that count
+"$saga" synth row --size 320x180 --samples 1 --cameras 5 --hold-out 0 \
+    --frames 1 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
+few=(encode row -o p.saga --primitives 30 --device cpu --quiet)
+"$saga" "${few[@]}" --iterations 100 >out 2>err || complain "$(cat err)"
+shows 'no camera was held out, and so short a training predicts nothing'
+holds p.saga 'v["psnr_between"] is None'
+rm p.saga
+"$saga" "${few[@]}" --iterations 1000 --json >p.json 2>err ||
+    complain "$(cat err)"
+python3 - "$saga" <<'E' || complain "not the PSNR that is predicted"
+import json, subprocess, sys
+report = json.load(open("p.json"))
+v = json.loads(subprocess.check_output([sys.argv[1], "volume", "p.saga",
+                                        "--json"]))["volume"]
+between, psnr = report["psnr_between"], report["psnr"]
+assert not between["measured"] and between["n_left_out"] >= 1, between
+assert between["expected"] == between["predicted"] <= psnr["training"], between
+assert abs(v["psnr_between"] - between["predicted"]) <= 1 / 512, (v, between)
+gap = psnr["training"] - between["predicted"]
+word = "good" if gap <= 1 else "soft" if gap <= 3 else "poor"
+assert report["between_cameras"] == word, report["between_cameras"]
+E
+verdict predicted
 
 # ---- bad
 told 2 '400 is not within 0 and 180' a.saga --azimuth 400 -o x.saga

@@ -16,6 +16,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* A prediction may draw and learn this part of the pixels that the training
+ * does. It then takes at most 5 % of its time (docs/lab/volume.md). */
+#define MOST_WORK 0.06
+
 typedef struct {
     double sum[2], even[2], agree[2]; /* sums of PSNR in dB; index 1: held-out
                                        * views, index 0: the others */
@@ -295,6 +299,39 @@ static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
     return status;
 }
 
+/* --- Between the cameras ------------------------------------------------- */
+
+double saga_encode_between(const saga_encode_result *r)
+{
+    return r->decoded.n_held_out ? r->decoded.held_out
+           : r->predicted        ? r->between.psnr
+                                 : (double)NAN;
+}
+
+/* Tells whether a prediction takes little time beside the training. */
+static bool is_small(const saga_encode_session *s)
+{
+    const saga_capture *const c = &s->capture;
+
+    return c->n_learned > 0 &&
+           saga_between_work(c) < MOST_WORK *
+                                      saga_train_n_iterations(s->train) *
+                                      c->learned_pixels / c->n_learned;
+}
+
+/* Predicts the quality between the cameras from the capture in memory, which is
+ * that of the last segment. A part of a film has no use for it. */
+static bool predict(saga_encode_session *s)
+{
+    saga_encode_result *const r = &s->result;
+
+    r->predicted = s->o->only < 0 && r->decoded.n_training > 0 && is_small(s);
+    return !r->predicted ||
+           saga_between_predict(
+               &r->between, &s->capture, saga_train_exposure(s->train),
+               r->decoded.training, (uint64_t)s->o->seed, &s->error);
+}
+
 /* Returns a mean PSNR, in dB, as the volume has it: Q8, at least 1, or 0 if it
  * is unknown. */
 static uint16_t quality_q8(double psnr)
@@ -303,12 +340,12 @@ static uint16_t quality_q8(double psnr)
 }
 
 /* Writes the file once more, with its viewing volume and the quality that was
- * measured. A part of a film gets none, because the quality is that of the
- * whole film. */
+ * measured or predicted. A part of a film gets none, because the quality is
+ * that of the whole film. */
 static bool add_volume(saga_encode_session *s, saga_bytes *bytes)
 {
     const uint16_t quality[2] = { quality_q8(s->result.decoded.training),
-                                  quality_q8(s->result.decoded.held_out) };
+                                  quality_q8(saga_encode_between(&s->result)) };
 
     if (s->o->only >= 0)
         return true;
@@ -343,7 +380,7 @@ int saga_encode_check(saga_encode_session *s)
     close_cuts(s);
     s->result.decoded = saga_quality_of(t.sum, t.n);
     saga_film_close(&film);
-    if (!status && !add_volume(s, &bytes))
+    if (!status && !(predict(s) && add_volume(s, &bytes)))
         status = written_but(s);
     for (int k = 0; !status && k + 1 < s->o->layers; k++)
         s->result.cut[k].nbytes = saga_layout_cut(&s->result.layout,

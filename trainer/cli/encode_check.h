@@ -5,6 +5,7 @@
 #ifndef SAGA_ENCODE_CHECK_H
 #define SAGA_ENCODE_CHECK_H
 
+#include "between.h"
 #include "layout.h"
 #include "train.h"
 #include "verdict.h"
@@ -33,9 +34,17 @@ typedef struct saga_encode_result {
     saga_quality agreement; /* PSNR between decoded pictures and the float
                              * model's pictures for the same symbols */
     saga_verdict verdict;   /* over the training views */
+    saga_between between;   /* the prediction between the cameras */
+    bool predicted;         /* there is a prediction, of NaN if no camera
+                             * stands between others; false: the training is
+                             * too short for it */
     saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
                                            * except the last */
 } saga_encode_result;
+
+/* Returns the PSNR to expect between the cameras: that of held-out views or, if
+ * there are none, the prediction; NaN if neither is known. */
+double saga_encode_between(const saga_encode_result *result);
 
 int saga_encode_check(struct saga_encode_session *s);
 

@@ -212,17 +212,37 @@ static const char *reason_of_lambda(const saga_encode_session *s)
                               : ", from which the number of primitives follows";
 }
 
-/* Says how much worse views of cameras are that were kept from training, as a
- * key and as what the text asks for. */
-static void put_between(json_t *o, const saga_quality *q)
+/* Returns a word for views from between the cameras, by how much worse they
+ * are. */
+static const char *between_word(double gap)
 {
-    const double gap = q->training - q->held_out;
-    const char *const word = !q->n_held_out || !q->n_training ? "unknown"
-                             : gap > MOST_GAP                 ? "poor"
-                             : gap > SOFT_GAP                 ? "soft"
-                                                              : "good";
+    return isnan(gap)       ? "unknown"
+           : gap > MOST_GAP ? "poor"
+           : gap > SOFT_GAP ? "soft"
+                            : "good";
+}
+
+/* Says what to expect from between the cameras, as keys and as what the text
+ * asks for. */
+static void put_between(json_t *o, const saga_encode_result *r)
+{
+    const saga_quality *const q = &r->decoded;
+    const double psnr = saga_encode_between(r);
+    const double gap = q->n_training ? q->training - psnr : (double)NAN;
+    const bool measured = q->n_held_out > 0;
+    const char *const word = between_word(gap);
+    json_t *const b = json_object();
     char aside[32];
 
+    saga_put_real(b, "expected", psnr);
+    saga_put_flag(b, "measured", measured);
+    saga_put_real(b, "predicted", r->predicted ? r->between.psnr : (double)NAN);
+    saga_put_int(b, "n_left_out", r->predicted ? r->between.n_views : 0);
+    /* For the text. */
+    saga_put_real(b, "/gap", gap);
+    saga_put_flag(b, "/told", !measured && !isnan(gap));
+    saga_put_flag(b, "/short", !measured && !r->predicted);
+    saga_put(o, "psnr_between", b);
     snprintf(aside, sizeof aside, "/between_%s", word);
     saga_put_text(o, "between_cameras", word);
     saga_put_flag(o, aside, true);
@@ -236,7 +256,7 @@ static void put_decoded(json_t *o, const saga_encode_session *s)
     saga_put_real(o, "seconds", saga_clock_seconds() - s->progress.started);
     saga_put(o, "psnr", quality_of(q));
     saga_put_verdict(o, &s->result.verdict, s->plan.preset->better);
-    put_between(o, q);
+    put_between(o, &s->result);
 }
 
 /* --- Reports ------------------------------------------------------------- */
@@ -419,6 +439,10 @@ static const saga_line file_text[] = {
     { "/cut&psnr.n_held_out", "layers", ", held out {psnr.held_out:%.2f} dB" },
     { "/cut", "layers", "\n" },
     SAGA_VERDICT_LINES,
+    { "psnr_between./told", NULL,
+      "  predicted between the cameras, where nobody filmed: "
+      "{psnr_between.expected:%.1f} dB, which is {psnr_between./gap:%.1f} dB\n"
+      "  less than at them\n" },
     { "/between_good", NULL,
       "  from between the cameras the scene looks as "
       "good as from the cameras\n" },
@@ -430,14 +454,17 @@ static const saga_line file_text[] = {
       "  from between the cameras the scene looks poor, "
       "with blur or ghosts: film with\n  more cameras, or cameras closer "
       "together, or stay close to the cameras' places\n" },
-    { "/between_unknown", NULL,
-      "  no camera was held out, so it is unknown "
-      "how good the scene looks from between\n  the cameras; --hold-out NAME "
-      "tells\n" },
+    { "/between_unknown&psnr_between./short", NULL,
+      "  no camera was held out, and so short a training predicts nothing: it "
+      "is unknown\n  how good the scene looks from between the cameras; "
+      "--hold-out NAME tells\n" },
+    { "/between_unknown&!psnr_between./short", NULL,
+      "  no camera was held out, and none stands between others: it is unknown "
+      "how good\n  the scene looks from between the cameras; add cameras\n" },
     { "", NULL, "  {seconds:%.0f} s; next: saga view {file}\n" },
     { "/between_poor", NULL,
       "  docs/troubleshooting.md has other causes of blur and ghosts\n" },
-    { "/between_good&!psnr_parts./bad", NULL,
+    { "/between_good&psnr_between.measured&!psnr_parts./bad", NULL,
       "  and when you are content, "
       "encode again with --hold-out \"\", since every camera helps\n" }
 };
