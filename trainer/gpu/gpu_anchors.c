@@ -169,29 +169,21 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_layers *s,
                       const saga_gpu_turn *t, saga_error *error)
 {
     const size_t n = t->n, f = n * t->features;
-    const struct {
-        int buffer;
-        size_t n;
-    } need[] = { { GPU_COARSE, f },
-                 { GPU_FEATURE, f },
-                 { GPU_D_FEATURE, f },
-                 { GPU_D_COARSE, f },
-                 { GPU_PLACE, 4 * n },
-                 { GPU_OFFSET4, 4 * n },
-                 { GPU_SHIFT, 4 * n },
-                 { GPU_LOG2, 4 * n },
-                 { GPU_D_LOG2, 4 * n },
-                 { GPU_D_PLACE, 4 * n },
-                 { GPU_D_OFFSET, 4 * n },
-                 { GPU_SIZE + SAGA_KIND_PRIM, 5 * n },
-                 { GPU_VALUE4 + SAGA_KIND_PRIM, 4 * n },
-                 { GPU_FINE_IN, n * s->list[0].n_in } };
+    const int kind = SAGA_KIND_PRIM;
+    const saga_gpu_need need[] = {
+        { GPU_COARSE, GPU_D_COARSE, f },
+        { GPU_FEATURE, GPU_D_FEATURE, f },
+        { GPU_PLACE, GPU_D_LOG2, 4 * n }, /* also offsets and supports */
+        { GPU_SHIFT, GPU_SHIFT, 4 * n },
+        { GPU_LOG2, GPU_LOG2, 4 * n },
+        { GPU_D_OFFSET, GPU_D_OFFSET, 4 * n },
+        { GPU_SIZE + kind, GPU_SIZE + kind, 5 * n },
+        { GPU_VALUE4 + kind, GPU_VALUE4 + kind, 4 * n },
+        { GPU_FINE_IN, GPU_FINE_IN, n * s->list[0].n_in }
+    };
 
-    for (size_t i = 0; i < sizeof need / sizeof need[0]; i++)
-        if (!saga_gpu_room(g, need[i].buffer, need[i].n * sizeof(real), what,
-                           error))
-            return false;
-    return saga_gpu_layers_room(g, s, what, error);
+    return SAGA_GPU_ROOMS(g, need, what, error) &&
+           saga_gpu_layers_room(g, s, what, error);
 }
 
 bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,

@@ -10,24 +10,19 @@
 
 static const char what[] = "primitives";
 
-/* Buffers of the set, and the reals that each has for a primitive. */
-typedef struct {
-    int buffer;
-    size_t n;
-} part;
-
+/* The buffers of a set of n primitives. */
 enum { N_PARTS = 5 };
 
-static void list_parts(part list[N_PARTS], uint32_t attrs)
+static void list_parts(saga_gpu_need list[N_PARTS], uint32_t attrs, size_t n)
 {
-    const size_t w = saga_attrs_width(attrs);
-    const part all[N_PARTS] = { { GPU_VALUE, w },
-                                { GPU_M, w },
-                                { GPU_V, w },
-                                { GPU_STAT, 3 },
-                                { GPU_WORTH, 1 } };
+    const size_t all = saga_attrs_width(attrs) * n;
+    const saga_gpu_need parts[N_PARTS] = { { GPU_VALUE, GPU_VALUE, all },
+                                           { GPU_M, GPU_M, all },
+                                           { GPU_V, GPU_V, all },
+                                           { GPU_STAT, GPU_STAT, 3 * n },
+                                           { GPU_WORTH, GPU_WORTH, n } };
 
-    memcpy(list, all, sizeof all);
+    memcpy(list, parts, sizeof parts);
 }
 
 /* Copies between a block and the arrays of statistics. */
@@ -65,14 +60,14 @@ static void unpack(const saga_splat_params *p, real *block, uint32_t attrs,
 static bool move_parts(saga_gpu_canvas *g, size_t n, bool is_up,
                        saga_error *error)
 {
-    part list[N_PARTS];
+    saga_gpu_need list[N_PARTS];
     size_t at = 0;
 
-    list_parts(list, g->attrs);
+    list_parts(list, g->attrs, n);
     saga_gpu_begin(g->gpu);
     for (int i = 0; i < N_PARTS; i++) {
-        const saga_gpu_buffer *const on = &g->on[list[i].buffer];
-        const size_t nbytes = list[i].n * n * sizeof(real);
+        const saga_gpu_buffer *const on = &g->on[list[i].first];
+        const size_t nbytes = list[i].n * sizeof(real);
 
         if (is_up)
             saga_gpu_copy(g->gpu, on, 0, &g->up, at, nbytes);
@@ -93,14 +88,11 @@ static size_t way_nbytes(uint32_t attrs, size_t n)
 static bool make_room(saga_gpu_canvas *g, uint32_t attrs, size_t n,
                       saga_error *error)
 {
-    part list[N_PARTS];
+    saga_gpu_need list[N_PARTS];
 
-    list_parts(list, attrs);
-    for (int i = 0; i < N_PARTS; i++)
-        if (!saga_gpu_room(g, list[i].buffer, list[i].n * n * sizeof(real),
-                           what, error))
-            return false;
-    return saga_gpu_grow(&g->up, g->gpu, way_nbytes(attrs, n), SAGA_GPU_UP,
+    list_parts(list, attrs, n);
+    return SAGA_GPU_ROOMS(g, list, what, error) &&
+           saga_gpu_grow(&g->up, g->gpu, way_nbytes(attrs, n), SAGA_GPU_UP,
                          what, error);
 }
 

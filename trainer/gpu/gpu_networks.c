@@ -156,18 +156,14 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
 {
     const saga_gpu_prims *const p = s->p;
     const size_t n = p->n;
-    const struct {
-        int buffer;
-        size_t n;
-    } need[] = { { GPU_VALUE, n * saga_attrs_width(p->attrs) },
-                 { GPU_NET_IN, n * s->layers.list[0].n_in },
-                 { GPU_DIRECTION, 3 * n } };
+    const saga_gpu_need need[] = {
+        { GPU_VALUE, GPU_VALUE, n * saga_attrs_width(p->attrs) },
+        { GPU_NET_IN, GPU_NET_IN, n * s->layers.list[0].n_in },
+        { GPU_DIRECTION, GPU_DIRECTION, 3 * n }
+    };
 
-    for (size_t i = 0; i < sizeof need / sizeof need[0]; i++)
-        if (!saga_gpu_room(g, need[i].buffer, need[i].n * sizeof(real), what,
-                           error))
-            return false;
-    return saga_gpu_layers_room(g, &s->layers, what, error) &&
+    return SAGA_GPU_ROOMS(g, need, what, error) &&
+           saga_gpu_layers_room(g, &s->layers, what, error) &&
            saga_gpu_ways_room(g, s->up, N_UP, what, error) &&
            saga_gpu_ways_back(g, s->down, N_DOWN, what, error);
 }

@@ -149,25 +149,20 @@ static void list_ways(rating *s)
 
 /* --- Memory -------------------------------------------------------------- */
 
-static bool room(saga_gpu_canvas *g, int buffer, size_t n, saga_error *error)
-{
-    return saga_gpu_room(g, buffer, n * sizeof(real), what, error);
-}
-
 static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
 {
     const size_t rows = s->n_rows;
 
     for (int k = 0; k < SAGA_N_KINDS; k++) {
         const saga_gpu_rate_kind *const kind = &s->r->kind[k];
-        const size_t dim = (size_t)kind->net->dim[0];
-        const size_t channels = s->kind[k].n_channels;
+        const saga_gpu_need need[] = {
+            { GPU_RATE_IN, GPU_D_RATE_IN, rows * (size_t)kind->net->dim[0] },
+            { GPU_HYPER_IN, GPU_HYPER_IN, rows * (size_t)kind->hyper->dim[0] },
+            { GPU_BITS, GPU_BITS, rows * s->kind[k].n_channels }
+        };
 
-        if (!saga_gpu_layers_room(g, &s->kind[k].layers, what, error) ||
-            !room(g, GPU_RATE_IN, rows * dim, error) ||
-            !room(g, GPU_D_RATE_IN, rows * dim, error) ||
-            !room(g, GPU_HYPER_IN, rows * (size_t)kind->hyper->dim[0], error) ||
-            !room(g, GPU_BITS, rows * channels, error))
+        if (!SAGA_GPU_ROOMS(g, need, what, error) ||
+            !saga_gpu_layers_room(g, &s->kind[k].layers, what, error))
             return false;
     }
     return saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
@@ -492,21 +487,18 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
 bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates *r,
                          uint32_t n_links, saga_error *error)
 {
-    const size_t n = r->n, words = link_words(r->n, n_links);
+    const size_t n = r->n;
+    const saga_gpu_need need[] = {
+        { GPU_FINE_OFFSET, GPU_FINE_OFFSET, OFFSETS * n },
+        { GPU_SPAN, GPU_SPAN, n },
+        { GPU_PHASE, GPU_SIZE - 1, 4 * n },
+        { GPU_SIZE, GPU_VALUE4 - 1, SIZES * n },
+        { GPU_VALUE4, GPU_SCALE - 1, 4 * n },
+        { GPU_LINKS, GPU_D_OFFSET - 1, link_words(r->n, n_links) }
+    };
     rating s;
 
     list_kinds(&s, r);
     list_ways(&s);
-    for (int k = 0; k < SAGA_N_KINDS; k++)
-        if (!room(g, GPU_PHASE + k, 4 * n, error) ||
-            !room(g, GPU_SIZE + k, SIZES * n, error) ||
-            !room(g, GPU_VALUE4 + k, 4 * n, error))
-            return false;
-    for (int set = 0; set < SAGA_GPU_N_LINKS; set++)
-        if (!room(g, GPU_LINKS + set, words, error) ||
-            !room(g, GPU_READERS + set, words, error))
-            return false;
-    return room(g, GPU_SPAN, n, error) &&
-           room(g, GPU_FINE_OFFSET, OFFSETS * n, error) &&
-           make_room(g, &s, error);
+    return SAGA_GPU_ROOMS(g, need, what, error) && make_room(g, &s, error);
 }

@@ -25,6 +25,16 @@ bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *of,
                          SAGA_GPU_LOCAL, of, error);
 }
 
+bool saga_gpu_rooms(saga_gpu_canvas *g, const saga_gpu_need *table, size_t n,
+                    const char *of, saga_error *error)
+{
+    for (size_t i = 0; i < n; i++)
+        for (int b = table[i].first; b <= table[i].last; b++)
+            if (!saga_gpu_room(g, b, table[i].n * sizeof(uint32_t), of, error))
+                return false;
+    return true;
+}
+
 void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
                       const int *buffers, const uint32_t *push, size_t n_push)
 {

@@ -69,40 +69,34 @@ static size_t back_nbytes(const saga_gpu_frame *f)
 /* Makes room for a pass with the frame that is set. */
 static bool make_room(saga_gpu_canvas *g, saga_error *error)
 {
-    const size_t back = back_nbytes(&g->frame);
-    const size_t n = g->frame.n, own = g->frame.n_own, p = g->most_pairs;
-    const size_t word = sizeof(uint32_t);
-    const size_t tiles = (size_t)g->frame.n_tiles_x * g->frame.n_tiles_y;
+    const saga_gpu_frame *const f = &g->frame;
+    const size_t back = back_nbytes(f);
+    const size_t n = f->n, own = f->n_own, p = g->most_pairs;
+    const size_t tiles = (size_t)f->n_tiles_x * f->n_tiles_y;
     const size_t blocks = saga_n_parts(n > p ? n : p, SAGA_GPU_BLOCK);
     const size_t counts = SAGA_GPU_DIGITS * blocks;
-    const struct {
-        int first, last; /* buffers of one size */
-        size_t nbytes;
-    } need[] = {
-        { GPU_STAT, GPU_STAT, 3 * own * word },
-        { GPU_D_Q0, GPU_D_Q0, own * word },
-        { GPU_CARRY, GPU_CARRY, 5 * own * word },
-        { GPU_SIZES, GPU_SIZES, saga_gpu_groups(own) * word },
-        { GPU_SPLAT, GPU_SPLAT, 12 * n * word },
-        { GPU_COUNT, GPU_ORDER_2, n * word },
-        { GPU_TILE, GPU_OWNER, p * word },
-        { GPU_RECORD, GPU_RECORD, SAGA_N_SUMS * p * word },
-        { GPU_DIGITS, GPU_DIGITS, counts * word },
+    const saga_gpu_need need[] = {
+        { GPU_GRAD, GPU_GRAD, saga_attrs_width(f->attrs) * own },
+        { GPU_BACK, GPU_BACK, back / sizeof(real) + 1 },
+        { GPU_STAT, GPU_STAT, 3 * own },
+        { GPU_D_Q0, GPU_D_Q0, own },
+        { GPU_CARRY, GPU_CARRY, 5 * own },
+        { GPU_SIZES, GPU_SIZES, saga_gpu_groups(own) },
+        { GPU_SPLAT, GPU_SPLAT, 12 * n },
+        { GPU_COUNT, GPU_ORDER_2, n },
+        { GPU_TILE, GPU_OWNER, p },
+        { GPU_RECORD, GPU_RECORD, SAGA_N_SUMS * p },
+        { GPU_DIGITS, GPU_DIGITS, counts },
         /* The sums of a scan over counts or primitives, and their sum. */
         { GPU_SUMS, GPU_SUMS,
-          (saga_n_parts(counts > n ? counts : n, SAGA_GPU_BLOCK) + 1) * word },
-        { GPU_RANGE, GPU_RANGE, 2 * tiles * word },
-        { GPU_SQUARES, GPU_SQUARES, tiles * word },
-        { GPU_BACK, GPU_BACK, back ? back : word },
-        { GPU_GRAD, GPU_GRAD, saga_attrs_width(g->frame.attrs) * own * word }
+          saga_n_parts(counts > n ? counts : n, SAGA_GPU_BLOCK) + 1 },
+        { GPU_RANGE, GPU_RANGE, 2 * tiles },
+        { GPU_SQUARES, GPU_SQUARES, tiles }
     };
 
-    for (size_t i = 0; i < sizeof need / sizeof need[0]; i++)
-        for (int b = need[i].first; b <= need[i].last; b++)
-            if (!saga_gpu_room(g, b, need[i].nbytes, what, error))
-                return false;
-    return back == 0 || saga_gpu_grow(&g->up_back, g->gpu, back, SAGA_GPU_UP,
-                                      "still primitives", error);
+    return SAGA_GPU_ROOMS(g, need, what, error) &&
+           (back == 0 || saga_gpu_grow(&g->up_back, g->gpu, back, SAGA_GPU_UP,
+                                       "still primitives", error));
 }
 
 /* Has room for the first pairs of a pass with the frame that is set. */

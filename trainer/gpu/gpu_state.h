@@ -137,6 +137,15 @@ struct saga_gpu_canvas {
 /* Makes buffer b at least nbytes large; if it grows, its content is lost. */
 bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *what,
                    saga_error *error);
+/* The same for a table: buffers from `first` to `last` with n words each. */
+typedef struct saga_gpu_need {
+    int first, last;
+    size_t n;
+} saga_gpu_need;
+bool saga_gpu_rooms(saga_gpu_canvas *g, const saga_gpu_need *table, size_t n,
+                    const char *what, saga_error *error);
+#define SAGA_GPU_ROOMS(g, table, what, error) \
+    saga_gpu_rooms(g, table, sizeof(table) / sizeof *(table), what, error)
 /* Records a kernel, with n_push words of push constants or none; the list of
  * buffers ends with -1. */
 void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
