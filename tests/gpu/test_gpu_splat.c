@@ -8,6 +8,7 @@
  */
 #include "flat_state.h"
 #include "gpu_state.h"
+#include "gpu_ways.h"
 #include "gpu_world.h"
 #include "novel.h"
 #include "near.h"
@@ -157,6 +158,88 @@ TEST(a_pass_should_agree_with_the_host)
         ok = agree(w, f, cases[i].name) && ok;
         free_fixture(f);
     }
+    assert_true(ok);
+}
+
+/* --- Masks --------------------------------------------------------------- */
+
+/* A case: how often the picture is halved, and whether masks are opacities. */
+static const struct {
+    const char *name;
+    int mip;
+    bool subject;
+} masked[] = { { "mask", 0, false },
+               { "halved mask", 1, false },
+               { "subject", 0, true },
+               { "halved subject", 1, true } };
+
+/* Returns a mask for all frames: blocks of 0 and 1, or opacities. */
+static uint8_t *new_mask(bool subject)
+{
+    uint8_t *const mask = calloc((size_t)W * H * FRAMES, 1);
+
+    for (size_t i = 0; i < (size_t)W * H * FRAMES; i++)
+        mask[i] = subject ? (uint8_t)(i * 37 % 256)
+                          : (uint8_t)(i / 5 % 3 > 0 || i / W % 4 > 1);
+    return mask;
+}
+
+/* Compares what a pass has as its truth. */
+static bool masks_agree(world *w, fixture *f, size_t number)
+{
+    const char *const name = masked[number].name;
+    const saga_sample sample = { .view = w->pictures.train[1],
+                                 .frame = 2,
+                                 .mip = masked[number].mip,
+                                 .behind = { 200, 100, 50 } };
+    saga_source_view *const view = w->capture.views + sample.view;
+    FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
+    FREED_BY(saga_canvas_free) saga_canvas canvas = { 0 };
+    saga_splat_learning on_host = { .d = f->d }, on_gpu = { .d = other };
+    const size_t n = 3 * (size_t)(W >> sample.mip) * (size_t)(H >> sample.mip);
+    real *const truth = calloc(n, sizeof *truth);
+    const saga_gpu_way way = {
+        .buffer = GPU_TRUTH, .n = n, .to = truth, .replaces = true
+    };
+    saga_gpu_canvas *g;
+    size_t n_unseen;
+    bool ok;
+
+    view->mask = new_mask(masked[number].subject);
+    w->capture.subject = masked[number].subject;
+    assert_done(saga_pictures_canvas(&canvas, &w->pictures, &error));
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_show(g, &canvas, sample, &error));
+    n_unseen = canvas.n_unseen;
+    assert_done(
+        saga_gpu_learn(g, &on_gpu, &canvas, &f->p, (uint32_t)f->n, &error));
+    assert_done(saga_gpu_ways_get(g, &way, 1, "a picture", &error));
+    assert_done(saga_novel_show(&canvas, &w->pictures, sample, &error));
+    assert_done(
+        saga_splat_learn(&on_host, &canvas, &f->p, (uint32_t)f->n, &error));
+    assert_int_equal(n_unseen, canvas.n_unseen);
+    assert_true(n_unseen > 0 || masked[number].subject);
+    ok = is_near(name, "truth", truth, canvas.truth, n, 1e-6);
+    ok = is_near(name, "error", &(real){ R(on_gpu.mse) },
+                 &(real){ R(on_host.mse) }, 1, 1e-5) &&
+         ok;
+    w->capture.subject = false;
+    free(view->mask);
+    view->mask = NULL;
+    free(truth);
+    saga_gpu_canvas_free(g);
+    return ok;
+}
+
+TEST(masks_should_count_as_on_the_host)
+{
+    world *const w = world_of(state);
+    fixture *const f = new_fixture(300, W, H, 5, 4);
+    bool ok = true;
+
+    for (size_t i = 0; i < sizeof masked / sizeof masked[0]; i++)
+        ok = masks_agree(w, f, i) && ok;
+    free_fixture(f);
     assert_true(ok);
 }
 

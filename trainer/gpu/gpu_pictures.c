@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,17 +16,38 @@
  * at most CPU_NBYTES. */
 enum { CHUNK_NBYTES = 256 << 20, CACHE_PART = 2, CPU_NBYTES = 64 << 20 };
 
+/* Sizes in which a picture is looked at: whole, and halved up to seven times.
+ */
+enum { N_MIPS = 8 };
+
+/* Copies are of whole words. */
+static size_t whole_words(size_t nbytes)
+{
+    return (nbytes + 3) / 4 * 4;
+}
+
+/* Returns the bytes of a view's picture, behind which is its mask. */
+static size_t mask_begin(const saga_source_view *v)
+{
+    return whole_words(saga_view_frame_nbytes(v));
+}
+
+static size_t mask_nbytes(const saga_source_view *v)
+{
+    return v->mask ? saga_view_frame_nbytes(v) / 3 : 0;
+}
+
 static size_t largest_nbytes(const saga_capture *c)
 {
     size_t most = 0;
 
     for (int v = 0; v < c->n_views; v++) {
-        const size_t n = saga_view_frame_nbytes(c->views + v);
+        const saga_source_view *const view = c->views + v;
+        const size_t n = mask_begin(view) + whole_words(mask_nbytes(view));
 
         most = n > most ? n : most;
     }
-    /* Copies are of whole words. */
-    return (most + 3) / 4 * 4;
+    return most;
 }
 
 bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
@@ -45,11 +67,12 @@ bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
     if (k->n_slots == 0)
         k->n_slots = 1;
     k->slot_of = saga_calloc(n, sizeof *k->slot_of, "the GPU", error);
+    k->unseen = saga_calloc(n, N_MIPS * sizeof *k->unseen, "the GPU", error);
     k->picture_in = saga_calloc(k->n_slots, sizeof *k->picture_in, "the GPU",
                                 error);
     k->chunk = saga_calloc(saga_n_parts(k->n_slots, k->per_chunk),
                            sizeof *k->chunk, "the GPU", error);
-    return k->slot_of && k->picture_in && k->chunk &&
+    return k->slot_of && k->unseen && k->picture_in && k->chunk &&
            saga_gpu_alloc(&g->up_picture, g->gpu,
                           3 * pixels * sizeof(real) > k->each
                               ? 3 * pixels * sizeof(real)
@@ -68,6 +91,7 @@ void saga_gpu_end_pictures(saga_gpu_canvas *g)
         saga_gpu_free(g->cache.chunk + i, g->gpu);
     free(g->cache.chunk);
     free(g->cache.slot_of);
+    free(g->cache.unseen);
     free(g->cache.picture_in);
 }
 
@@ -114,8 +138,48 @@ static bool take_slot(uint32_t *slot, saga_gpu_canvas *g, saga_error *error)
     return true;
 }
 
-bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_sample sample,
-                          saga_error *error)
+/* Copies a picture and its mask to where the device reads them. */
+static void copy_picture(uint8_t *to, const saga_capture *c, saga_sample sample)
+{
+    const saga_source_view *const v = c->views + sample.view;
+
+    memcpy(to, saga_capture_frame(c, sample.view, sample.frame),
+           saga_view_frame_nbytes(v));
+    if (v->mask)
+        memcpy(to + mask_begin(v),
+               saga_capture_mask(c, sample.view, sample.frame), mask_nbytes(v));
+}
+
+/* Returns the number of pixels that do not count. It is counted once for each
+ * size of a picture, and kept with 1 added. */
+static size_t n_unseen(saga_gpu_canvas *g, const saga_canvas *canvas,
+                       size_t picture, saga_sample sample)
+{
+    uint32_t *const kept = g->cache.unseen + N_MIPS * picture +
+                           (size_t)sample.mip;
+
+    assert(sample.mip < N_MIPS);
+    if (*kept == 0)
+        *kept = 1 +
+                (uint32_t)saga_pictures_n_unseen(canvas, g->pictures, sample);
+    return *kept - 1;
+}
+
+static void set_stored(saga_gpu_frame *f, const saga_pictures *p,
+                       saga_sample sample)
+{
+    const saga_source_view *const v = p->capture->views + sample.view;
+
+    f->side = 1u << sample.mip;
+    f->stride = (uint32_t)saga_view_row_nbytes(v);
+    for (size_t i = 0; i < 3; i++)
+        f->exposure[i] = (float)p->exposure[3 * (size_t)sample.view + i];
+    f->mask_at = v->mask ? (uint32_t)mask_begin(v) : 0;
+    f->is_subject = p->capture->subject;
+}
+
+bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_canvas *canvas,
+                          saga_sample sample, saga_error *error)
 {
     const saga_capture *const c = g->pictures->capture;
     const size_t picture = (size_t)sample.view * (size_t)c->n_frames +
@@ -127,18 +191,13 @@ bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_sample sample,
     if (g->is_new) {
         if (!take_slot(&g->slot, g, error))
             return false;
-        memcpy(g->up_picture.map,
-               saga_capture_frame(c, sample.view, sample.frame),
-               saga_view_frame_nbytes(c->views + sample.view));
+        copy_picture(g->up_picture.map, c, sample);
         g->cache.picture_in[g->slot] = (uint32_t)picture;
         *at = g->slot + 1;
     }
     g->slot = *at - 1;
-    g->frame.side = 1u << sample.mip;
-    g->frame.stride = (uint32_t)saga_view_row_nbytes(c->views + sample.view);
-    for (size_t i = 0; i < 3; i++)
-        g->frame.exposure[i] =
-            (float)g->pictures->exposure[3 * (size_t)sample.view + i];
+    set_stored(&g->frame, g->pictures, sample);
+    canvas->n_unseen = n_unseen(g, canvas, picture, sample);
     return true;
 }
 

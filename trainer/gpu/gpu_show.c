@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * What the next pass compares with: a stored picture, which the device has or
- * gets; or one that is made for each visit, since it has a mask, or teachers
- * draw it.
+ * gets, or that of teachers.
  */
 #include "gpu_state.h"
 
@@ -31,16 +30,10 @@ bool saga_gpu_show(saga_gpu_canvas *g, saga_canvas *canvas, saga_sample sample,
     const saga_pictures *const p = g->pictures;
 
     saga_pictures_aim(canvas, p, sample);
-    if (saga_novel_is(p, sample)) {
-        if (!draw_teachers(g, canvas, error))
-            return false;
-    } else if (saga_capture_mask(p->capture, sample.view, sample.frame)) {
-        /* The host makes pictures with masks. */
-        saga_pictures_truth(canvas, p, sample);
-    } else {
-        canvas->n_unseen = 0;
-        return saga_gpu_show_stored(g, sample, error);
-    }
+    if (!saga_novel_is(p, sample))
+        return saga_gpu_show_stored(g, canvas, sample, error);
+    if (!draw_teachers(g, canvas, error))
+        return false;
     saga_gpu_send_truth(g, canvas);
     return true;
 }

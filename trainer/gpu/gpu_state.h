@@ -107,6 +107,8 @@ typedef struct saga_gpu_cache {
     uint32_t n_slots;       /* that there may be */
     uint32_t n_used, next;  /* slots in use; the one that is replaced next */
     uint32_t *slot_of;      /* (views, frames) 1 + slot, or 0 */
+    uint32_t *unseen;       /* (views, frames, sizes) 1 + pixels that do not
+                             * count, or 0 if they were not counted */
     uint32_t *picture_in;   /* (n_slots) its picture */
 } saga_gpu_cache;
 
@@ -158,8 +160,8 @@ void saga_gpu_do(saga_gpu_canvas *g, int kernel, size_t n_groups,
  * set GPU_TRUTH. */
 bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error);
 void saga_gpu_end_pictures(saga_gpu_canvas *g);
-bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_sample sample,
-                          saga_error *error);
+bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_canvas *canvas,
+                          saga_sample sample, saga_error *error);
 void saga_gpu_send_truth(saga_gpu_canvas *g, const saga_canvas *canvas);
 void saga_gpu_record_truth(saga_gpu_canvas *g);
 

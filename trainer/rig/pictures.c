@@ -425,26 +425,51 @@ static void make_truth(truth *t)
                                        3 * c->width * c->height });
 }
 
+/* Tells whether any pixel of a box does not count. */
+static bool is_unseen(const uint8_t *mask, size_t stride, size_t side)
+{
+    bool seen = true;
+
+    for (size_t y = 0; y < side; y++)
+        seen = seen && !memchr(mask + y * stride, 0, side);
+    return !seen;
+}
+
 /* Marks the pixels in whose boxes any pixel does not count. */
 static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
-                        int side)
+                        size_t side)
 {
     const size_t w = (size_t)canvas->camera.width;
     const size_t h = (size_t)canvas->camera.height;
 
     for (size_t i = 0; i < w * h; i++) {
-        const uint8_t *at = mask + i / w * (size_t)side * stride +
-                            i % w * (size_t)side;
-        bool seen = true;
+        const bool unseen = is_unseen(
+            mask + i / w * side * stride + i % w * side, stride, side);
 
-        for (int y = 0; y < side; y++, at += stride)
-            seen = seen && !memchr(at, 0, (size_t)side);
-        for (size_t k = 0; !seen && k < 3; k++)
+        for (size_t k = 0; unseen && k < 3; k++)
             /* The truth is never negative, so -1 marks a pixel that does not
              * count. */
             canvas->truth[k * w * h + i] = -1;
-        canvas->n_unseen += !seen;
+        canvas->n_unseen += unseen;
     }
+}
+
+size_t saga_pictures_n_unseen(const saga_canvas *canvas, const saga_pictures *p,
+                              saga_sample sample)
+{
+    const size_t w = (size_t)canvas->camera.width;
+    const size_t h = (size_t)canvas->camera.height;
+    const size_t side = (size_t)1 << sample.mip;
+    const size_t stride =
+        saga_view_row_nbytes(&p->capture->views[sample.view]) / 3;
+    const uint8_t *const mask = saga_capture_mask(p->capture, sample.view,
+                                                  sample.frame);
+    size_t n = 0;
+
+    for (size_t i = 0; mask && !p->capture->subject && i < w * h; i++)
+        n += is_unseen(mask + i / w * side * stride + i % w * side, stride,
+                       side);
+    return n;
 }
 
 /* Puts the background of the canvas behind a subject: adds (1 - mask) b, with
@@ -487,5 +512,5 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
     if (mask && p->capture->subject)
         add_behind(canvas, mask, stride / 3, (size_t)1 << sample.mip);
     else if (mask)
-        mark_unseen(canvas, mask, stride / 3, 1 << sample.mip);
+        mark_unseen(canvas, mask, stride / 3, (size_t)1 << sample.mip);
 }

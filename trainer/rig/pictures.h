@@ -129,5 +129,9 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *pictures,
 /* Sets the truth for the picture at which the canvas is aimed. */
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *pictures,
                          saga_sample sample);
+/* Returns how many of its pixels do not count, which that sets, too. */
+size_t saga_pictures_n_unseen(const saga_canvas *canvas,
+                              const saga_pictures *pictures,
+                              saga_sample sample);
 
 #endif

@@ -39,6 +39,8 @@ uint most_pairs; /* room for pairs */
 uint side;       /* of the boxes of stored pixels that become one */
 uint stride;     /* bytes of a row of the stored picture */
 float exposure[3];
+uint mask_at;    /* where its mask is behind the picture; 0: it has none */
+uint is_subject; /* 1: the mask is an opacity; 0: its pixels of 0 don't count */
 
 /* The optimiser (adam.h), and the bounds of attributes. */
 float beta1;
