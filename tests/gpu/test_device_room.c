@@ -63,3 +63,31 @@ TEST(a_plan_should_have_the_room_of_the_training)
         ok = agree(gpu, &variants[i]) && ok;
     assert_true(ok);
 }
+
+/* Three views that are far apart, between which two teachers draw. The warm-up
+ * alone is compared, since the rendering stage takes more. */
+TEST(a_plan_should_have_the_room_of_teachers)
+{
+    saga_gpu *const gpu = test_device_of(state);
+    saga_synth_options s = synth_options(64, 36, 3, 5, 300);
+    saga_train_options o = tiny_options(300, WARM, RENDER);
+    tiny_stop stop = { .stage = SAGA_TRAIN_WARM, .iteration = 2 * WARM - 1 };
+    saga_device_room plan;
+    saga_capture c;
+    saga_train *t;
+    double made;
+
+    s.n_hold_out = 0;
+    c = tiny_capture(&s);
+    o.n_teachers = 2;
+    o.gpu = gpu;
+    assert_done(saga_train_device_room(&plan, &c, &o, &error));
+    t = tiny_train_until(&c, &o, &stop);
+    made = (double)saga_gpu_count(gpu, false);
+    print_message("%.0f bytes planned, %.0f made, %.3f\n", (double)plan.warm,
+                  made, (double)plan.warm / made);
+    assert_true(made <= (double)plan.warm);
+    assert_true((double)plan.warm <= 1.1 * made);
+    saga_train_free(t);
+    saga_capture_free(&c);
+}

@@ -127,6 +127,7 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
  * trainer/gpu/kernels/NAME.comp, and the number of its buffers. */
 #define SAGA_KERNEL_LIST(X)                \
     X(TRUTH, truth, 3)                     \
+    X(MEAN, mean, 3)                       \
     X(PROJECT, project, 7)                 \
     X(SORT_COUNT, sort_count, 4)           \
     X(SCAN, scan, 5)                       \

@@ -172,7 +172,7 @@ bool saga_gpu_step(saga_gpu_canvas *g, double *mse, const saga_canvas *c,
 
     saga_gpu_set_frame(g, c, g->attrs, g->n_set);
     set_rules(&g->frame, rules);
-    g->n_up = 0;
+    g->n_from = 0;
     if (!saga_gpu_grow(&g->down, g->gpu, SAGA_GPU_N_TOTALS * sizeof *total,
                        SAGA_GPU_DOWN, what, error) ||
         !saga_gpu_pass(g, c, record_step, error))

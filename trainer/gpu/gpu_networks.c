@@ -250,7 +250,7 @@ bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
     list_ways(&s);
     saga_gpu_set_frame(g, c, p->attrs, p->n);
     g->n_set = 0;
-    g->n_up = 0;
+    g->n_from = 0;
     if (!make_room(g, &s, error))
         return false;
     saga_gpu_ways_pack(g, s.up, N_UP);

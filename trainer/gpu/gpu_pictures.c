@@ -73,11 +73,8 @@ bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
     k->chunk = saga_calloc(saga_n_parts(k->n_slots, k->per_chunk),
                            sizeof *k->chunk, "the GPU", error);
     return k->slot_of && k->unseen && k->picture_in && k->chunk &&
-           saga_gpu_alloc(&g->up_picture, g->gpu,
-                          3 * pixels * sizeof(real) > k->each
-                              ? 3 * pixels * sizeof(real)
-                              : k->each,
-                          SAGA_GPU_UP, "a picture", error) &&
+           saga_gpu_alloc(&g->up_picture, g->gpu, k->each, SAGA_GPU_UP,
+                          "a picture", error) &&
            saga_gpu_room(g, GPU_STORED, k->each, "a picture", error) &&
            saga_gpu_room(g, GPU_TRUTH, 3 * pixels * sizeof(real), "a picture",
                          error) &&
@@ -201,14 +198,6 @@ bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_canvas *canvas,
     return true;
 }
 
-void saga_gpu_send_truth(saga_gpu_canvas *g, const saga_canvas *c)
-{
-    g->is_stored = g->is_new = false;
-    memcpy(g->up_picture.map, c->truth,
-           3 * (size_t)c->camera.width * (size_t)c->camera.height *
-               sizeof *c->truth);
-}
-
 void saga_gpu_record_truth(saga_gpu_canvas *g)
 {
     const saga_gpu_cache *const k = &g->cache;
@@ -216,11 +205,8 @@ void saga_gpu_record_truth(saga_gpu_canvas *g)
     const saga_gpu_buffer *const chunk = k->chunk + g->slot / k->per_chunk;
     const size_t at = g->slot % k->per_chunk * k->each;
 
-    if (!g->is_stored) {
-        saga_gpu_copy(g->gpu, &g->on[GPU_TRUTH], 0, &g->up_picture, 0,
-                      3 * pixels * sizeof(float));
+    if (!g->is_stored)
         return;
-    }
     if (g->is_new)
         saga_gpu_copy(g->gpu, chunk, at, &g->up_picture, 0, k->each);
     saga_gpu_copy(g->gpu, &g->on[GPU_STORED], 0, chunk, at, k->each);

@@ -49,6 +49,8 @@ void saga_gpu_canvas_free(saga_gpu_canvas *g)
     if (!g)
         return;
     saga_gpu_canvas_free(g->teachers);
+    for (int k = 0; k < SAGA_NOVEL_MOST_TEACHERS; k++)
+        saga_gpu_free(&g->teacher[k], g->gpu);
     saga_gpu_end_pictures(g);
     for (int b = 0; b < GPU_N_BUFFERS; b++)
         saga_gpu_free(&g->on[b], g->gpu);
@@ -307,7 +309,7 @@ bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
         memcpy(g->up_frame.map, f, sizeof *f);
         saga_gpu_begin(g->gpu);
         saga_gpu_copy(g->gpu, &g->on[GPU_FRAME], 0, &g->up_frame, 0, sizeof *f);
-        saga_gpu_copy(g->gpu, &g->on[GPU_VALUE], 0, &g->up, 0, g->n_up);
+        saga_gpu_copy(g->gpu, &g->on[GPU_VALUE], 0, g->from, 0, g->n_from);
         saga_gpu_copy(g->gpu, &g->on[GPU_BACK], 0, &g->up_back, 0, back);
         if (g->networks)
             g->record_networks(g);
@@ -347,7 +349,8 @@ static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
 
     saga_gpu_set_frame(g, c, attrs, n);
     g->n_set = 0;
-    g->n_up = saga_attrs_width(attrs) * n * sizeof(real);
+    g->from = &g->up;
+    g->n_from = saga_attrs_width(attrs) * n * sizeof(real);
     if (!ways_room(g, attrs, n, down, error))
         return false;
     saga_gpu_pack(g->up.map, p, n);

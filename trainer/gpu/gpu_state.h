@@ -8,6 +8,7 @@
 #include "gpu_frame.h"
 #include "gpu_rates.h"
 #include "gpu_splat.h"
+#include "novel.h"
 
 /* Layers of all networks of primitives together, or of a kind of blocks; then
  * those of F_fine. */
@@ -118,7 +119,8 @@ struct saga_gpu_canvas {
     saga_gpu_frame frame;
     saga_gpu_buffer on[GPU_N_BUFFERS]; /* the device */
     saga_gpu_buffer up_frame, up, up_back, up_picture, down;
-    size_t n_up; /* bytes of attributes in `up` for the next pass, or 0 */
+    const saga_gpu_buffer *from; /* attributes for the next pass, */
+    size_t n_from;               /* and their bytes; 0: they are there */
     uint32_t most_pairs;
     uint32_t n_set;                               /* primitives that were put */
     uint32_t attrs;                               /* and their attributes */
@@ -129,8 +131,9 @@ struct saga_gpu_canvas {
     const saga_gpu_networks *networks;
     void (*record_networks)(saga_gpu_canvas *);
     saga_gpu_canvas *teachers; /* draws their pictures; NULL: none so far */
+    saga_gpu_buffer teacher[SAGA_NOVEL_MOST_TEACHERS]; /* there: attributes */
     /* The truth of the next picture. */
-    bool is_stored; /* of stored bytes; else of floats in up_picture */
+    bool is_stored; /* of stored bytes; else it is in GPU_TRUTH */
     bool is_new;    /* the bytes are in up_picture, for the slot */
     uint32_t slot;
 };
@@ -155,14 +158,12 @@ void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,
 void saga_gpu_do(saga_gpu_canvas *g, int kernel, size_t n_groups,
                  const int *buffers);
 
-/* gpu_pictures.c: makes the cache; has a stored picture, or the truth of the
- * host's canvas, as the truth of the next pass; and records the commands that
- * set GPU_TRUTH. */
+/* gpu_pictures.c: makes the cache; has a stored picture as the truth of the
+ * next pass; and records the commands that set GPU_TRUTH. */
 bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error);
 void saga_gpu_end_pictures(saga_gpu_canvas *g);
 bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_canvas *canvas,
                           saga_sample sample, saga_error *error);
-void saga_gpu_send_truth(saga_gpu_canvas *g, const saga_canvas *canvas);
 void saga_gpu_record_truth(saga_gpu_canvas *g);
 
 /* gpu_splat.c, for gpu_flat.c. */

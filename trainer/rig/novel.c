@@ -256,8 +256,9 @@ saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng, uint64_t draw)
     return sample;
 }
 
-bool saga_novel_mean(saga_canvas *canvas, saga_novel *o, saga_novel_draw *draw,
-                     void *user, saga_error *error)
+/* Sets the truth of an aimed canvas to the mean of what the teachers draw,
+ * clipped to 0..1. */
+static bool draw_mean(saga_canvas *canvas, saga_novel *o, saga_error *error)
 {
     saga_canvas *const c = &o->canvas;
     const size_t n = 3 * (size_t)canvas->camera.width *
@@ -267,7 +268,7 @@ bool saga_novel_mean(saga_canvas *canvas, saga_novel *o, saga_novel_draw *draw,
     c->t = canvas->t;
     memset(canvas->truth, 0, n * sizeof *canvas->truth);
     for (int k = 0; k < o->n_teachers; k++) {
-        if (!draw(user, c, &o->teacher[k], o->n[k], error))
+        if (!saga_splat_forward(c, &o->teacher[k], o->n[k], error))
             return false;
         for (size_t i = 0; i < n; i++)
             canvas->truth[i] += saga_clamp(c->image[i], 0, 1) /
@@ -277,19 +278,12 @@ bool saga_novel_mean(saga_canvas *canvas, saga_novel *o, saga_novel_draw *draw,
     return true;
 }
 
-static bool draw_here(void *user, saga_canvas *c, const saga_splat_params *p,
-                      uint32_t n, saga_error *error)
-{
-    (void)user;
-    return saga_splat_forward(c, p, n, error);
-}
-
 bool saga_novel_show(saga_canvas *canvas, const saga_pictures *p,
                      saga_sample sample, saga_error *error)
 {
     saga_pictures_aim(canvas, p, sample);
     if (saga_novel_is(p, sample))
-        return saga_novel_mean(canvas, p->novel, draw_here, NULL, error);
+        return draw_mean(canvas, p->novel, error);
     saga_pictures_truth(canvas, p, sample);
     return true;
 }

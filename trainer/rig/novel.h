@@ -62,16 +62,6 @@ static inline bool saga_novel_is(const saga_pictures *pictures,
     return sample.view >= pictures->capture->n_views;
 }
 
-/* Draws primitives into canvas->image. */
-typedef bool saga_novel_draw(void *user, saga_canvas *canvas,
-                             const saga_splat_params *params, uint32_t n,
-                             saga_error *error);
-
-/* Sets the truth of an aimed canvas to the mean of what the teachers draw,
- * clipped to 0..1. */
-bool saga_novel_mean(saga_canvas *canvas, saga_novel *novel,
-                     saga_novel_draw *draw, void *user, saga_error *error);
-
 /* Sets the canvas's camera, time and truth. The truth is what a view saw, or
  * the mean of what the teachers draw. Returns false with *error set if memory
  * is short. */

@@ -56,11 +56,12 @@ void saga_flat_free(saga_flat *flat);
 bool saga_flat_iterate(saga_flat *flat, double *mse, saga_error *error);
 
 /* Makes and frees what a set with these options makes on o->gpu, which counts
- * (saga_gpu_count). The canvas has the size of the largest picture; teaches:
- * teachers draw some of the pictures. Returns false with *error set if the
+ * (saga_gpu_count). The canvas has the size of the largest picture; n_teachers
+ * draw some of the pictures. Returns false with *error set if the
  * device cannot have a buffer of that size. */
 bool saga_flat_room(const saga_pictures *pictures, const saga_flat_options *o,
-                    const saga_canvas *canvas, bool teaches, saga_error *error);
+                    const saga_canvas *canvas, int n_teachers,
+                    saga_error *error);
 
 int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);

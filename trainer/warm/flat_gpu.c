@@ -50,28 +50,17 @@ bool saga_flat_step_away(saga_flat *f, double *mse, saga_sample sample,
            saga_gpu_step(f->gpu, mse, &f->canvas, &rules, error);
 }
 
-static bool teachers_room(const saga_pictures *pictures,
-                          const saga_flat_options *o, const saga_canvas *canvas,
-                          saga_error *error)
-{
-    saga_gpu_canvas *const g = saga_gpu_canvas_new(o->gpu, pictures, error);
-    const bool ok = g &&
-                    saga_gpu_learn_room(g, canvas, saga_flat_attrs(o->temporal),
-                                        o->n_primitives, error);
-
-    saga_gpu_canvas_free(g);
-    return ok;
-}
-
 bool saga_flat_room(const saga_pictures *pictures, const saga_flat_options *o,
-                    const saga_canvas *canvas, bool teaches, saga_error *error)
+                    const saga_canvas *canvas, int n_teachers,
+                    saga_error *error)
 {
     const uint32_t most = (uint32_t)((double)o->growth * o->n_primitives);
     saga_gpu_canvas *const g = saga_gpu_canvas_new(o->gpu, pictures, error);
+    const uint32_t attrs = saga_flat_attrs(o->temporal);
     const bool ok = g && saga_gpu_pictures_room(g, error) &&
-                    saga_gpu_set_room(g, canvas, saga_flat_attrs(o->temporal),
-                                      most, error) &&
-                    (!teaches || teachers_room(pictures, o, canvas, error));
+                    saga_gpu_set_room(g, canvas, attrs, most, error) &&
+                    saga_gpu_teachers_room(g, canvas, attrs, o->n_primitives,
+                                           n_teachers, error);
 
     saga_gpu_canvas_free(g);
     return ok;

@@ -37,7 +37,7 @@ static bool warm_room(const saga_pictures *pictures, const saga_canvas *canvas,
     f.temporal = moves(pictures->capture, o);
     f.gpu = o->gpu;
     return o->given ||
-           saga_flat_room(pictures, &f, canvas, o->n_teachers > 0, error);
+           saga_flat_room(pictures, &f, canvas, o->n_teachers, error);
 }
 
 static bool render_room(const saga_pictures *pictures,
