@@ -31,7 +31,7 @@ static const double even[3 * (MOST_VIEWS + 1)] = { 1, 1, 1, 1, 1, 1, 1, 1,
 typedef struct {
     saga_capture capture;
     saga_source_view view[MOST_VIEWS];
-    uint8_t rgb[MOST_VIEWS][3 * W * H];
+    uint8_t rgb[MOST_VIEWS][3 * W * H], mask[MOST_VIEWS][W * H];
 } row;
 
 /* Returns the colour of a wall at z = 20, or of the bars at z = 4 before it, on
@@ -73,17 +73,42 @@ static void film(row *r, int n, double step, bool bars)
     }
 }
 
+/* Makes the middle of each picture, a quarter of its pixels, the only part that
+ * counts, or a subject over black. */
+static void mask_row(row *r, bool subject)
+{
+    r->capture.subject = subject;
+    for (int i = 0; i < r->capture.n_views; i++) {
+        r->view[i].mask = r->mask[i];
+        for (int at = 0; at < W * H; at++) {
+            const int x = at % W, y = at / W;
+            const bool counts = x >= W / 4 && x < 3 * W / 4 && y >= H / 4 &&
+                                y < 3 * H / 4;
+
+            r->mask[i][at] = (uint8_t)(!counts ? 0 : subject ? 255 : 1);
+            for (int k = 0; !counts && k < 3; k++)
+                r->rgb[i][3 * at + k] = (uint8_t)(subject ? 0 : 50 * i);
+        }
+    }
+}
+
 /* Returns how much worse pictures are between the cameras of a row whose film
  * has 30 dB at them. */
+static double lost_by(const row *r, int n_left_out)
+{
+    saga_between b;
+
+    assert_done(saga_between_predict(&b, &r->capture, even, 30, 1, &error));
+    assert_int_equal(b.n_views, n_left_out);
+    return 30 - b.psnr;
+}
+
 static double loss_of(int n, double step, bool bars, int n_left_out)
 {
     static row r;
-    saga_between b;
 
     film(&r, n, step, bars);
-    assert_done(saga_between_predict(&b, &r.capture, even, 30, 1, &error));
-    assert_int_equal(b.n_views, n_left_out);
-    return 30 - b.psnr;
+    return lost_by(&r, n_left_out);
 }
 
 TEST(nothing_should_be_lost_before_a_far_wall)
@@ -94,6 +119,20 @@ TEST(nothing_should_be_lost_before_a_far_wall)
 TEST(much_should_be_lost_behind_what_stands_near)
 {
     assert_true(loss_of(5, 1.5, true, 3) > 4);
+}
+
+TEST(only_pixels_that_count_should_be_compared)
+{
+    static row r;
+
+    film(&r, 5, 0.02, false);
+    mask_row(&r, false);
+    assert_true(fabs(lost_by(&r, 3)) < 0.3);
+    /* The error of a subject is a mean over the pixels where it is. A mean over
+     * all would be a quarter of it, so that 8 dB would be lost. */
+    film(&r, 5, 1.5, true);
+    mask_row(&r, true);
+    assert_true(lost_by(&r, 3) > 11);
 }
 
 TEST(no_camera_between_others_should_leave_it_unknown)

@@ -184,14 +184,47 @@ double saga_between_work(const saga_capture *c)
     return N_FOLDS * n_iterations(n) * saga_miniature_pixels(c) / fmax(n, 1);
 }
 
-static bool compare(folds *f, saga_flat *flat, int fold, saga_error *error)
+/* Returns the mean squared error of an image (3, H, W) over the pixels that
+ * count when a film is measured: of a subject, those where it is. exposure has
+ * three factors on the truth. Returns 0 if no pixel counts. */
+static double error_of(const real *image, const saga_source_view *v,
+                       const double *exposure)
 {
-    for (int v = 0; v < f->n; v++) {
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    size_t n_counting = 0;
+    double sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        if (v->mask && !v->mask[i])
+            continue;
+        n_counting++;
+        for (size_t k = 0; k < 3; k++) {
+            const double e = (double)image[k * n + i] -
+                             exposure[k] * v->rgb[3 * i + k] / 255;
+
+            sum += e * e;
+        }
+    }
+    return n_counting ? sum / (3.0 * (double)n_counting) : 0;
+}
+
+static bool compare(folds *f, saga_flat *flat, const saga_pictures *p, int fold,
+                    saga_error *error)
+{
+    real *const image = saga_alloc(3 * saga_pictures_largest(p), sizeof *image,
+                                   what, error);
+    bool ok = image != NULL;
+
+    for (int v = 0; ok && v < f->n; v++) {
         double mse;
 
-        if (!saga_flat_render(flat, NULL, &mse, (saga_sample){ .view = v },
-                              error))
-            return false;
+        ok = saga_flat_render(flat, image, &mse, (saga_sample){ .view = v },
+                              error);
+        if (!ok)
+            break;
+        /* A film is measured where its pixels count, a model of a subject on
+         * whole pictures. */
+        mse = error_of(image, &f->small.capture.views[v], p->exposure + 3 * v);
         if (f->fold[v] == fold)
             f->without[v] = mse;
         else {
@@ -199,7 +232,8 @@ static bool compare(folds *f, saga_flat *flat, int fold, saga_error *error)
             f->n_with[v]++;
         }
     }
-    return true;
+    free(image);
+    return ok;
 }
 
 static bool train(folds *f, saga_pictures *p, int fold, uint64_t seed,
@@ -218,7 +252,7 @@ static bool train(folds *f, saga_pictures *p, int fold, uint64_t seed,
     ok = flat != NULL;
     for (int i = 0; ok && i < o.n_iterations; i++)
         ok = saga_flat_iterate(flat, &mse, error);
-    ok = ok && compare(f, flat, fold, error);
+    ok = ok && compare(f, flat, p, fold, error);
     saga_flat_free(flat);
     return ok;
 }
