@@ -161,6 +161,23 @@ TEST(a_pass_should_agree_with_the_host)
     assert_true(ok);
 }
 
+/* --- Stored pictures ----------------------------------------------------- */
+
+/* There is room for those that are learned, and for no others. */
+TEST(held_out_and_missing_pictures_should_have_no_room)
+{
+    world *const w = world_of(state);
+    saga_source_view *const one = w->capture.views + w->pictures.train[0];
+    saga_gpu_canvas *g;
+
+    assert_in_range(w->pictures.n_train, 1, VIEWS - 1);
+    one->n_missing = 3;
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_int_equal(g->cache.n_slots, w->pictures.n_train * FRAMES - 3);
+    one->n_missing = 0;
+    saga_gpu_canvas_free(g);
+}
+
 /* --- Masks --------------------------------------------------------------- */
 
 /* A case: how often the picture is halved, and whether masks are opacities. */

@@ -50,12 +50,25 @@ static size_t largest_nbytes(const saga_capture *c)
     return most;
 }
 
+/* Returns the number of pictures that a training visits. Of a camera that moves
+ * each view has one. */
+static size_t n_visited(const saga_capture *c)
+{
+    size_t n = 0;
+
+    for (int v = 0; v < c->n_views; v++)
+        if (!c->views[v].held_out && c->views[v].n_missing < c->n_frames)
+            n += (size_t)(c->n_frames - c->views[v].n_missing);
+    return n;
+}
+
 bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
 {
     const saga_capture *const c = g->pictures->capture;
     const saga_gpu_info *const is = saga_gpu_is(g->gpu);
     saga_gpu_cache *const k = &g->cache;
     const size_t n = (size_t)c->n_views * (size_t)c->n_frames;
+    const size_t visited = n_visited(c);
     const size_t pixels = saga_pictures_largest(g->pictures);
     const size_t room = strcmp(is->kind, "cpu") == 0 ? CPU_NBYTES
                                                      : is->memory / CACHE_PART;
@@ -63,7 +76,8 @@ bool saga_gpu_begin_pictures(saga_gpu_canvas *g, saga_error *error)
     /* The plan of slots, its tables, and the pictures that kernels use. */
     k->each = largest_nbytes(c);
     k->per_chunk = CHUNK_NBYTES / k->each > 0 ? CHUNK_NBYTES / k->each : 1;
-    k->n_slots = (uint32_t)(room / k->each < n ? room / k->each : n);
+    k->n_slots = (uint32_t)(room / k->each < visited ? room / k->each
+                                                     : visited);
     if (k->n_slots == 0)
         k->n_slots = 1;
     k->slot_of = saga_calloc(n, sizeof *k->slot_of, "the GPU", error);
