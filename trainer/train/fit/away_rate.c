@@ -121,6 +121,22 @@ static saga_gpu_links links_of(const saga_links *l)
                              .weight = l->weight };
 }
 
+/* Sets what the host has in other forms: span (n) of coded features, offset
+ * (n, 4) of fine anchors, and phase (n, 4) of primitives' places. */
+static void set_places(uint32_t *span, real *offset, real *phase,
+                       const saga_rate *r, const saga_scene *s)
+{
+    for (size_t i = 0; i < s->n.coarse; i++) {
+        const saga_class has = saga_scene_class(s, i);
+
+        /* Two bytes, as rate_cost.comp reads them. */
+        span[i] = has.first + 256u * has.n;
+        for (size_t k = 0; k < 4; k++)
+            offset[4 * i + k] = r->offset[SAGA_RATE_OFFSETS * i + k];
+        saga_scene_phase(phase + 4 * i, s->fine_x + 4 * i);
+    }
+}
+
 bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
                         const saga_scene *s, saga_error *error)
 {
@@ -144,15 +160,8 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
     };
     bool ok = span && offset;
 
-    for (size_t i = 0; i < n && ok; i++) {
-        const saga_class has = saga_scene_class(s, i);
-
-        /* Two bytes, as rate_cost.comp reads them. */
-        span[i] = has.first + 256u * has.n;
-        for (size_t k = 0; k < 4; k++)
-            offset[4 * i + k] = r->offset[SAGA_RATE_OFFSETS * i + k];
-        saga_scene_phase(phase + 4 * i, s->fine_x + 4 * i);
-    }
+    if (ok)
+        set_places(span, offset, phase, r, s);
     ok = ok && saga_gpu_put_rates(g, &to, error);
     free(span);
     free(offset);
