@@ -7,7 +7,7 @@
  * first one is the default. Without a device the tests are skipped.
  */
 #include "flat_state.h"
-#include "gpu_state.h"
+#include "gpu_spoil.h"
 #include "gpu_ways.h"
 #include "gpu_world.h"
 #include "novel.h"
@@ -113,7 +113,9 @@ static bool agree(const world *w, fixture *f, const char *name)
 {
     const saga_sample sample = { .view = w->pictures.train[1], .frame = 2 };
     FREED_BY(saga_params_free) saga_splat_params other = scene_alloc(f->n);
+    FREED_BY(saga_params_free) saga_splat_params before = scene_alloc(f->n);
     saga_splat_learning on_host = { .d = f->d }, on_gpu = { .d = other };
+    saga_splat_learning first = { .d = before };
     saga_gpu_canvas *g;
     const saga_splat_camera camera = f->c.camera;
     const size_t plane = 3 * f->plane;
@@ -126,6 +128,10 @@ static bool agree(const world *w, fixture *f, const char *name)
     f->c.camera = camera;
     f->c.t = R(0.5);
     f->c.still = NULL;
+    /* The first pass makes the buffers; the second must not read them. */
+    assert_done(
+        saga_gpu_learn(g, &first, &f->c, &f->p, (uint32_t)f->n, &error));
+    spoil(g);
     assert_done(
         saga_gpu_learn(g, &on_gpu, &f->c, &f->p, (uint32_t)f->n, &error));
     assert_done(
