@@ -146,7 +146,8 @@ tail -n 1 "$tmp/err" | grep -qF 'no device 99, only 0 to 0' ||
     complain "check --device 99: $(tail -n 1 "$tmp/err")"
 expect 2 "${encode[@]}" -o "$tmp/none.saga" --device 0 --primitives 4000000 \
     --level 3 --memory 999
-tail -n 1 "$tmp/err" | grep -qE 'need a buffer of .*; use fewer --primitives' ||
+tail -n 1 "$tmp/err" |
+    grep -qE 'MiB for .* more than a buffer .*; use fewer --primitives' ||
     complain "too many: $(tail -n 1 "$tmp/err")"
 [ ! -e "$tmp/none.saga" ] || complain "too many leave a file"
 verdict room

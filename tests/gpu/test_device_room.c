@@ -91,3 +91,20 @@ TEST(a_plan_should_have_the_room_of_teachers)
     saga_train_free(t);
     saga_capture_free(&c);
 }
+
+/* Records of pairs alone are more than the 4 GiB that any buffer may have. */
+TEST(a_plan_should_refuse_what_no_buffer_can_have)
+{
+    saga_gpu *const gpu = test_device_of(state);
+    saga_train_options o = tiny_options(1 << 24, WARM, RENDER);
+    saga_device_room plan;
+    saga_error refusal = { "" };
+    tiny t;
+
+    tiny_open(&t, 3);
+    o.gpu = gpu;
+    assert_false(saga_train_device_room(&plan, &t.capture, &o, &refusal));
+    assert_non_null(strstr(refusal.message, "use fewer --primitives"));
+    assert_int_equal(plan.need + plan.warm + plan.render, 0);
+    tiny_close(&t);
+}

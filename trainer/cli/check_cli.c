@@ -203,7 +203,7 @@ static const saga_line text[] = {
     { "device_nbytes", "forecast",
       "    and {device_nbytes*1e-9:%.2f} of the device's "
       "{^device_memory_nbytes*1e-9:%.1f} GB\n" },
-    { "device_lacks", "forecast", "    which does not do: {device_lacks}\n" },
+    { "device_lacks", "forecast", "    but {device_lacks}\n" },
     { "n_wanted>0", "forecast",
       "    level {level} has room for no more of the "
       "{n_wanted:%.0f} primitives that suit the capture\n" },

@@ -62,6 +62,8 @@ static int teachers_of(const saga_capture *c, const saga_preset *preset)
 static void forecast_device(saga_forecast *f, const saga_capture *first,
                             const saga_train_options *o)
 {
+    f->device = (saga_device_room){ .need = 0 };
+    f->lacks = (saga_error){ "" };
     if (o->gpu && saga_train_device_room(&f->device, first, o, &f->lacks))
         (void)saga_train_fits_device(&f->device, o, &f->lacks);
 }

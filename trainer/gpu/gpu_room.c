@@ -11,9 +11,9 @@ bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *of,
         return saga_fail(error, NULL,
                          "use fewer --primitives, a smaller --scale, or "
                          "--device cpu",
-                         "%s need a buffer of %zu MiB, and the GPU (%s) can "
-                         "have %zu",
-                         of, nbytes >> 20, saga_gpu_is(g->gpu)->name,
+                         "%zu MiB for %s are more than a buffer of the GPU "
+                         "(%s) may have, %zu",
+                         (nbytes >> 20) + 1, of, saga_gpu_is(g->gpu)->name,
                          saga_gpu_most(g->gpu) >> 20);
     /* A quarter more, as for the host (canvas.h). No buffer is empty, since
      * kernels bind all. */

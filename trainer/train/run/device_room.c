@@ -60,20 +60,22 @@ static bool render_room(const saga_pictures *pictures,
     return saga_fit_room(o->gpu, pictures, canvas, &model, n, error);
 }
 
-/* Counts both stages on a device that has no buffers. */
+/* Counts both stages on a device that has no buffers. Sets *room if both fit
+ * into buffers. */
 static bool count(saga_device_room *room, const saga_pictures *pictures,
                   const saga_canvas *canvas, const saga_train_options *o,
                   saga_error *error)
 {
+    saga_device_room r = { .memory = saga_gpu_is(o->gpu)->memory };
     bool ok;
 
     saga_gpu_count(o->gpu, true);
     ok = warm_room(pictures, canvas, o, error);
-    room->warm = saga_gpu_count(o->gpu, true);
+    r.warm = saga_gpu_count(o->gpu, true);
     ok = ok && render_room(pictures, canvas, o, error);
-    room->render = saga_gpu_count(o->gpu, false);
-    room->need = room->warm > room->render ? room->warm : room->render;
-    room->memory = saga_gpu_is(o->gpu)->memory;
+    r.render = saga_gpu_count(o->gpu, false);
+    r.need = r.warm > r.render ? r.warm : r.render;
+    *room = ok ? r : (saga_device_room){ .need = 0 };
     return ok;
 }
 

@@ -21,7 +21,8 @@ typedef struct saga_device_room {
  * a moving scene is assumed to have all temporal tools, segments to have a base
  * with as many primitives, and the warm-up to grow as far as it may. Buffers
  * must not be there yet. Returns false with *error set, and a remedy, if a
- * buffer would be larger than the device allows, or if memory is short. */
+ * buffer would be larger than the device allows, or if memory is short; then
+ * *room is all zero. */
 bool saga_train_device_room(saga_device_room *room, const saga_capture *capture,
                             const saga_train_options *o, saga_error *error);
 
