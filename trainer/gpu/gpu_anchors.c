@@ -104,6 +104,7 @@ static void record_features(saga_gpu_canvas *g, const saga_gpu_blocks *b,
                             const saga_gpu_turn *t)
 {
     const uint32_t f = (uint32_t)t->features;
+    const float step = (float)t->feature_step;
     uint32_t push[6] = { t->n, f, t->rounding, (uint32_t)t->feature_key,
                          (uint32_t)(t->feature_key >> 32) };
     const saga_gpu_job job = {
@@ -115,14 +116,14 @@ static void record_features(saga_gpu_canvas *g, const saga_gpu_blocks *b,
         .n_groups = (uint32_t)saga_gpu_groups((size_t)t->n * f)
     };
 
-    memcpy(push + 5, &t->feature_step, sizeof t->feature_step);
+    memcpy(push + 5, &step, sizeof step);
     saga_gpu_run(g->gpu, &job);
 }
 
 static void record_places(saga_gpu_canvas *g, const saga_gpu_turn *t)
 {
-    const real reals[] = { t->prim_step, t->most_offset,
-                           R(1u << t->suffix_bits) };
+    const float reals[] = { (float)t->prim_step, (float)t->most_offset,
+                            (float)(1u << t->suffix_bits) };
     uint32_t push[7] = { t->n, t->rounding, (uint32_t)t->offset_key,
                          (uint32_t)(t->offset_key >> 32) };
 
@@ -139,7 +140,7 @@ static void record_fine(saga_gpu_canvas *g, const saga_gpu_layers *s,
                         const saga_gpu_turn *t)
 {
     const uint32_t f = (uint32_t)t->features;
-    const real least[] = { t->least_x, t->least_t };
+    const float least[] = { (float)t->least_x, (float)t->least_t };
     uint32_t push[4] = { t->n, f };
     saga_gpu_columns c = { .n_rows = t->n,
                            .n = f,
@@ -219,12 +220,16 @@ static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
 {
     const double c1 = 1 - pow((double)t->adam->beta1, (double)t->step);
     const double c2 = 1 - pow((double)t->adam->beta2, (double)t->step);
-    const real reals[] = {
-        t->least_x,     t->least_t,     t->most_offset,
-        t->price,       t->adam->beta1, t->adam->beta2,
-        t->adam->eps,   t->adam->most,  R((double)t->prim_rate / c1),
-        R(1 / sqrt(c2))
-    };
+    const float reals[] = { (float)t->least_x,
+                            (float)t->least_t,
+                            (float)t->most_offset,
+                            (float)t->price,
+                            (float)t->adam->beta1,
+                            (float)t->adam->beta2,
+                            (float)t->adam->eps,
+                            (float)t->adam->most,
+                            (float)((double)t->prim_rate / c1),
+                            (float)(1 / sqrt(c2)) };
     uint32_t push[12] = { t->n, (uint32_t)t->features };
     const int list[] = { GPU_D_FEATURE,         GPU_D_PLACE, GPU_D_LOG2,
                          GPU_D_OFFSET,          GPU_SHIFT,   GPU_FINE_X,

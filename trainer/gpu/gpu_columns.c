@@ -9,12 +9,13 @@ enum { N_PUSH = 12 };
 static void set_push(uint32_t push[N_PUSH], const saga_gpu_canvas *g,
                      const saga_gpu_columns *c, int links)
 {
+    const float most = (float)c->most;
     const uint32_t words[N_PUSH] = { c->n_rows, c->n,     c->dim,
                                      c->at,     c->first, c->every,
                                      0,         0,        links >= 0 };
 
     memcpy(push, words, sizeof words);
-    memcpy(push + 6, &c->most, sizeof c->most);
+    memcpy(push + 6, &most, sizeof most);
     if (links >= 0) {
         push[9] = g->n_linked;
         push[10] = g->n_links[links];

@@ -130,9 +130,9 @@ static void set_parts(saga_gpu_networks *s)
         const saga_attribute *const a = saga_attributes +
                                         (is_none ? 0 : of.attr);
         const uint32_t unit = is_none ? 0 : (uint32_t)a->unit;
-        const real add = unit == SAGA_UNIT_NONE
-                             ? R(a->zero + (of.part ? 0 : a->first))
-                             : 0;
+        const float add = unit == SAGA_UNIT_NONE
+                              ? (float)(a->zero + (of.part ? 0 : a->first))
+                              : 0;
 
         s->part[k][0] = of.attr | (uint32_t)of.part << 8 | unit << 16;
         memcpy(&s->part[k][1], &add, sizeof add);
@@ -174,8 +174,8 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
 static void run_net(saga_gpu_canvas *g, int kernel, const int *buffers)
 {
     const saga_gpu_networks *const s = g->networks;
-    const real reals[] = { s->p->most_motion, s->p->centre_lo, s->p->centre_hi,
-                           s->p->size_price };
+    const float reals[] = { (float)s->p->most_motion, (float)s->p->centre_lo,
+                            (float)s->p->centre_hi, (float)s->p->size_price };
     uint32_t push[6] = { s->p->n, (uint32_t)n_geo(s) };
 
     memcpy(push + 2, reals, sizeof reals);

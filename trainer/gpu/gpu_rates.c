@@ -313,8 +313,8 @@ static void record_cost(saga_gpu_canvas *g, const rating *s, int kind)
     const kind_run *const k = &s->kind[kind];
     const saga_gpu_layer *const last = &k->layers.list[k->layers.n - 2];
     const uint64_t key = r->kind[kind].key;
-    const real reals[] = { r->weight, r->kind[kind].mu_scale, LOG2_MIN,
-                           LOG2_MAX };
+    const float reals[] = { (float)r->weight, (float)r->kind[kind].mu_scale,
+                            (float)LOG2_MIN, (float)LOG2_MAX };
     const bool learns = k->learned < k->n_channels;
     const bool is_prim = kind == SAGA_KIND_PRIM;
     uint32_t push[13] = { s->n_rows,

@@ -6,7 +6,8 @@
 #include <string.h>
 
 enum { WORD = sizeof(uint32_t) };
-_Static_assert(sizeof(real) == WORD, "a device computes in float");
+/* A device computes in float. A trainer that computes in double has none
+ * (compute_state.h), and only compiles this. */
 
 static size_t n_words(const saga_gpu_way *ways, int n)
 {
