@@ -221,9 +221,15 @@ typedef struct saga_model {
     saga_class classes[SAGA_MAX_CLASSES];
 } saga_model;
 
+/* Returns the order of motion, 0..3. */
+static inline int saga_tools_order(uint32_t tools)
+{
+    return (int)((tools & SAGA_TOOL_MOTION_MASK) >> SAGA_TOOL_MOTION_SHIFT);
+}
+
 static inline int saga_motion_order(const saga_model *m)
 {
-    return (int)((m->tools & SAGA_TOOL_MOTION_MASK) >> SAGA_TOOL_MOTION_SHIFT);
+    return saga_tools_order(m->tools);
 }
 
 /* Returns whether anything in a segment depends on time. */

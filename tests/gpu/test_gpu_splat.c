@@ -91,6 +91,11 @@ static void detach(fixture *f)
     f->c.rules.detach_time = 1;
 }
 
+static void keep_order(fixture *f)
+{
+    f->c.rules.order = 2;
+}
+
 static const struct {
     const char *name;
     size_t n;
@@ -107,7 +112,8 @@ static const struct {
               { "nothing_visible", 100, 3, hide_all },
               { "fast", 2000, 3, hurry },
               { "steep", 1000, 3, steepen },
-              { "detached", 1000, 3, detach } };
+              { "detached", 1000, 3, detach },
+              { "second_order", 1000, 3, keep_order } };
 
 static bool agree(const world *w, fixture *f, const char *name)
 {

@@ -353,7 +353,7 @@ TEST(warm_up_should_learn_from_teachers)
     teach(&o, R(1));
     options.n_primitives = 60;
     options.n_iterations = 100;
-    options.temporal = false;
+    options.temporal = 0;
     for (int k = 0; k < 2; k++) {
         saga_flat *flat;
 

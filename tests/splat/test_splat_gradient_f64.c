@@ -164,6 +164,28 @@ TEST(splat_gradient_should_skip_time_when_detached)
     free_fixture(f);
 }
 
+/* Motions of higher orders than may learn get no gradient, and the others the
+ * same as before. */
+TEST(splat_gradient_should_leave_higher_orders)
+{
+    fixture *const f = make(5);
+    real all[9 * N];
+
+    loss(f);
+    assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
+    memcpy(all, f->d.motion, sizeof all);
+    for (int order = 1; order <= 3; order++) {
+        memset(f->d.motion, 0, sizeof all);
+        f->c.rules.order = order;
+        assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
+        for (size_t i = 0; i < 9 * N; i++)
+            assert_true(f->d.motion[i] ==
+                        (i % 9 < 3 * (size_t)order ? all[i] : 0));
+    }
+    assert_true(check_tensor(f, SAGA_ATTR_MOTION) < TOLERANCE);
+    free_fixture(f);
+}
+
 /* A tile has too many splats to keep all results of the forward pass. Only
  * opacities are checked, in front and at the back. */
 TEST(splat_gradient_should_match_in_a_crowd)

@@ -363,7 +363,9 @@ static void float_should_be_what_is_decoded(void **state)
 }
 
 /* The maps of classes, which the first segment makes, must serve the others. In
- * the base all anchors are of the still class. */
+ * the base all anchors are of the still class. Of trainings as short as the
+ * others here, half leave 31 to 46 dB to the decoder, by their seed; of these
+ * four seeds left 57.7 to 58.9. */
 static void classes_should_serve_all_segments(void **state)
 {
     const fixture *const f = *state;
@@ -374,6 +376,8 @@ static void classes_should_serve_all_segments(void **state)
     slice s;
 
     o.ablate = "classes";
+    o.n_warm *= 4;
+    o.n_render *= 4;
     t = stopped(f, &s, &o, &base);
     assert_int_equal(t->render.scene.model.n_classes, 2);
     for (uint32_t i = 0; i < t->render.scene.n.coarse; i++)
@@ -384,7 +388,7 @@ static void classes_should_serve_all_segments(void **state)
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     near = near_decoder(t);
     print_message("decoder: %.1f dB beside the float models\n", near);
-    assert_true(near > 45);
+    assert_true(near > 55);
     saga_train_free(t);
 }
 

@@ -722,6 +722,21 @@ TEST(train_should_keep_temporal_tools_when_something_moves)
     free(r.bytes);
 }
 
+/* Moving scenes have what pays, and the paper's model all. */
+TEST(train_should_leave_third_order_and_rotation_to_the_paper)
+{
+    for (int paper = 0; paper < 2; paper++) {
+        saga_train_options o = tiny_defaults();
+        trained r;
+
+        o.paper = paper != 0;
+        r = tiny_train(&room.capture, &o);
+        assert_int_equal(saga_tools_order(r.report.info.tools), 2 + paper);
+        assert_int_equal((r.report.info.tools & SAGA_TOOL_SLOPE) != 0, paper);
+        free(r.bytes);
+    }
+}
+
 /* --- Levels and options -------------------------------------------------- */
 
 TEST(train_should_obey_level_0)

@@ -174,7 +174,7 @@ TEST(the_prediction_should_be_right_for_the_room)
     o.n_primitives = 700;
     o.n_iterations = 600;
     o.seed = 5;
-    o.temporal = false;
+    o.temporal = 0;
     assert_done(saga_pictures_init(&p, &c, &error));
     f = saga_flat_new(&p, &o, &failure);
     if (!f)

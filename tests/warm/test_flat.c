@@ -556,7 +556,7 @@ TEST(means_should_learn_in_steps_of_their_size)
     saga_flat *f;
 
     /* Moments that learn would move means, too. */
-    o.temporal = false;
+    o.temporal = 0;
     f = make(*state, &o);
     rate = (double)f->rule[SAGA_ATTR_MEAN].rate;
     for (uint32_t i = 0; i < 3 * f->n; i++)
@@ -670,7 +670,7 @@ TEST(still_scene_should_have_no_temporal_tensors)
     saga_flat_options o = small();
     saga_flat *f;
 
-    o.temporal = false;
+    o.temporal = 0;
     f = make(*state, &o);
     run(f, 60);
     for (int a = 0; a < SAGA_N_ATTRS; a++)

@@ -5,7 +5,7 @@
 
 /* The version must be increased when any part of the program changes what it
  * saves. */
-enum { VERSION = 16 };
+enum { VERSION = 17 };
 
 static const char anew[] = "delete it and start again";
 

@@ -160,6 +160,7 @@ static void set_camera(saga_gpu_frame *f, const saga_canvas *c)
     f->low_pass = (float)r->low_pass;
     f->square = (float)r->square;
     f->detach_time = (uint32_t)r->detach_time;
+    f->order = (uint32_t)r->order;
     f->width = (uint32_t)cam->width;
     f->height = (uint32_t)cam->height;
     f->n_tiles_x = (uint32_t)saga_n_parts(f->width, SAGA_SPLAT_TILE);

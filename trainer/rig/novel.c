@@ -34,9 +34,6 @@ enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
 /* Stream of random numbers (rng.h). */
 enum { STREAM_NOVEL = 500 };
 
-/* The attributes that all drawn primitives have. */
-#define LEAST_SET (SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1)
-
 static const char what[] = "the teachers";
 
 /* --- Cameras ------------------------------------------------------------- */
@@ -195,13 +192,15 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
                          saga_checkpoint *c, saga_error *error)
 {
     saga_splat_params *const p = &o->teacher[k];
+    /* What does not depend on time all drawn primitives have. */
+    const uint64_t least = saga_attrs_of_tools(0, true);
     uint64_t head[2] = { o->n[k], saga_attrs_of(p) };
 
     saga_checkpoint_walk(c, head, sizeof head);
     if (c->reading) {
         /* Bounds are checked before anything is allocated. */
         if (head[0] < 1 || head[0] > most || head[1] > SAGA_ATTRS_ALL ||
-            (head[1] & LEAST_SET) != LEAST_SET)
+            (head[1] & least) != least)
             c->failed = true;
         if (c->failed ||
             !saga_params_alloc(p, (uint32_t)head[1], (size_t)head[0], error)) {

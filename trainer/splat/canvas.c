@@ -14,7 +14,8 @@ static const saga_splat_rules norm = { R(SAGA_CUT_LOG2 - SAGA_PEAK_LOG2),
                                        R(SAGA_LOW_PASS_NUM) /
                                            R(SAGA_LOW_PASS_DEN),
                                        0,
-                                       0 };
+                                       0,
+                                       3 };
 
 bool saga_canvas_init(saga_canvas *c, size_t n_pixels, saga_error *error)
 {

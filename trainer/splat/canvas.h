@@ -42,6 +42,7 @@ typedef struct saga_splat_rules {
                       * splats */
     int detach_time; /* 1: t_centre and log2_width get no gradient through
                       * motion and slope; default 0 */
+    int order;       /* motions of higher orders get no gradient; default 3 */
 } saga_splat_rules;
 
 /* Primitives at one time. */

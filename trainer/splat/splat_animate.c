@@ -160,6 +160,7 @@ typedef struct {
     const saga_splat_posed *d_out;
     lanes at;
     veci seen; /* a primitive that is not drawn has no gradient */
+    int order; /* of the motions that get gradients */
 } group;
 
 /* Returns dL/dage through the motion. */
@@ -186,6 +187,8 @@ static vec motion_backward(saga_splat_params *d, const group *g, vec age)
         d_support[a] = d_mean[a] * moved(&way, a, age);
         d_age += s * ((3 * b[6] * age + 2 * b[3]) * age + b[0]);
     }
+    for (int k = 3 * g->order; k < 9; k++)
+        d_motion[k] = vec_zero();
     if (d->motion)
         lanes_add_rows(d->motion, 9, g->at, g->seen, d_motion);
     if (d->support)
@@ -264,7 +267,8 @@ void saga_splat_animate_backward(saga_splat_params *d, const saga_canvas *c,
     for (size_t i = of.begin; i < of.end; i += VEC_LANES) {
         const lanes at = lanes_from(of, i);
         const group g = { p, &c->splat.d_posed, at,
-                          (veci)(lanes_get(c->splat.extent, at) > 0) };
+                          (veci)(lanes_get(c->splat.extent, at) > 0),
+                          c->rules.order };
 
         if (vec_any(g.seen))
             animate_backward(d, &g, c);

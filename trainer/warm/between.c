@@ -247,7 +247,7 @@ static bool train(folds *f, saga_pictures *p, int fold, uint64_t seed,
     o.n_primitives = N_PRIMITIVES;
     o.n_iterations = n_iterations(f->n);
     o.seed = seed;
-    o.temporal = false;
+    o.temporal = 0;
     flat = saga_flat_new(p, &o, error);
     ok = flat != NULL;
     for (int i = 0; ok && i < o.n_iterations; i++)

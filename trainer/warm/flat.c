@@ -22,7 +22,7 @@ saga_flat_options saga_flat_defaults(void)
     return (saga_flat_options){ .n_primitives = 5000,
                                 .n_iterations = 4000,
                                 .seed = 1,
-                                .temporal = true,
+                                .temporal = SAGA_TOOLS_TIME,
                                 .growth = 2,
                                 .start = 1,
                                 .coarse = R(0.3) };
@@ -79,6 +79,7 @@ static bool make_pictures(saga_flat *f, saga_error *error)
     if (!saga_pictures_canvas(&f->canvas, f->pictures, error))
         return false;
     f->canvas.rules.detach_time = 1;
+    f->canvas.rules.order = saga_tools_order(f->o.temporal);
     if (f->o.gpu && !f->o.given)
         f->gpu = saga_gpu_canvas_new(f->o.gpu, f->pictures, error);
     return f->gpu || !f->o.gpu || f->o.given;

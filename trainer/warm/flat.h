@@ -23,16 +23,16 @@ typedef struct saga_flat_options {
     uint32_t n_primitives; /* number at the end, exactly; 1..2^24 */
     int n_iterations;      /* >= 1 */
     uint64_t seed;
-    bool temporal; /* primitives have motion, slope and temporal
-                    * opacity; false: a still scene */
-    real growth;   /* largest number of primitives in the course of
-                    * training, over n_primitives */
-    real start;    /* primitives at the beginning, over
-                    * n_primitives */
-    real coarse;   /* part of the iterations with reduced
-                    * pictures */
-    saga_gpu *gpu; /* the device that computes, or NULL: the processor; must
-                    * outlive the set */
+    uint32_t temporal; /* the bits of SAGA_TOOLS_TIME that primitives have;
+                        * 0: a still scene */
+    real growth;       /* largest number of primitives in the course of
+                        * training, over n_primitives */
+    real start;        /* primitives at the beginning, over
+                        * n_primitives */
+    real coarse;       /* part of the iterations with reduced
+                        * pictures */
+    saga_gpu *gpu;     /* the device that computes, or NULL: the processor; must
+                        * outlive the set */
     const saga_splat_params *given; /* NULL, or n_primitives primitives in the
                                      * capture's units, without temporal
                                      * members, which replace the warm-up */
@@ -85,7 +85,7 @@ void saga_flat_aim(saga_flat *flat, uint32_t n_primitives);
 bool saga_flat_leave(saga_flat *flat, double left, saga_error *error);
 
 /* Returns the primitives, owned by the set and valid until the next iteration.
- * Members are NULL if temporal is off. */
+ * Members are NULL if temporal lacks their tools. */
 saga_splat_params saga_flat_params(const saga_flat *flat);
 
 /* Draws a picture. image (3, H, W; may be NULL) is clipped to 0..1; *mse is the

@@ -24,14 +24,13 @@ uint32_t saga_flat_count(const saga_flat *f)
     return f->n;
 }
 
-uint32_t saga_flat_attrs(bool temporal)
+uint32_t saga_flat_attrs(uint32_t temporal)
 {
-    uint32_t attrs = 0;
+    uint32_t attrs = saga_attrs_of_tools(temporal, temporal == 0);
 
     for (int a = 0; a < SAGA_N_ATTRS; a++)
-        if (saga_attributes[a].rate > 0 &&
-            (temporal || !saga_attributes[a].is_temporal))
-            attrs |= SAGA_ATTR_BIT(a);
+        if (!(saga_attributes[a].rate > 0))
+            attrs &= ~SAGA_ATTR_BIT(a);
     return attrs;
 }
 
@@ -209,7 +208,7 @@ void saga_flat_keep_path(saga_flat *f, size_t i, saga_flat_moment was)
         b[3] = ratio * ratio * (3 * b[6] * late + b[3]);
         b[6] = ratio * ratio * ratio * b[6];
     }
-    for (size_t a = 0; a < 4; a++) {
+    for (size_t a = 0; p->slope && a < 4; a++) {
         p->quat[4 * i + a] += late * p->slope[4 * i + a];
         p->slope[4 * i + a] *= ratio;
     }

@@ -69,7 +69,7 @@ typedef struct saga_flat_sight {
 
 /* flat_set.c */
 /* Returns the set of attributes that sets have. */
-uint32_t saga_flat_attrs(bool temporal);
+uint32_t saga_flat_attrs(uint32_t temporal);
 /* Allocates room for n primitives and keeps the present values. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_free_set(saga_flat *f);

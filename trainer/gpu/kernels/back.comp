@@ -229,8 +229,8 @@ float motion_backward(uint i, vec3 d_mean, float age)
     }
     s = support * d_mean;
     store3(i, MOTION, 0, s * age);
-    store3(i, MOTION, 3, s * (age * age));
-    store3(i, MOTION, 6, s * (age * age * age));
+    store3(i, MOTION, 3, f.order < 2 ? vec3(0) : s * (age * age));
+    store3(i, MOTION, 6, f.order < 3 ? vec3(0) : s * (age * age * age));
     return dot(s, (3 * load3(i, MOTION, 6) * age + 2 * load3(i, MOTION, 3)) *
                           age + load3(i, MOTION, 0));
 }

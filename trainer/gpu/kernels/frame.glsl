@@ -18,6 +18,7 @@ float t_floor;
 float low_pass;
 float square;
 uint detach_time;
+uint order;
 uint width;
 uint height;
 uint n_tiles_x;

@@ -78,7 +78,7 @@ static double change_of_angle(const saga_splat_params *p, size_t i)
 {
     double slope = 0, length = 0;
 
-    for (size_t k = 0; k < 4; k++) {
+    for (size_t k = 0; p->slope && k < 4; k++) {
         const double s = (double)p->slope[4 * i + k];
         const double q = (double)p->quat[4 * i + k];
 

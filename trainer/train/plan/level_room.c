@@ -6,6 +6,7 @@
 #include "policy.h"
 #include "saga.h"
 #include "scene_model.h"
+#include "tool_choice.h"
 
 #include <string.h>
 
@@ -118,5 +119,6 @@ uint32_t saga_room_sure(const saga_train_options *o, uint32_t n)
         memset(&a, 0, sizeof a);
     return saga_room_of_tools(
         o, &a,
-        o->motion == SAGA_TRAIN_STILL ? SAGA_TOOL_VIEW : SAGA_TOOLS_PICTURE, n);
+        o->motion == SAGA_TRAIN_STILL ? SAGA_TOOL_VIEW : saga_plan_all_tools(o),
+        n);
 }

@@ -173,8 +173,7 @@ static void drop_tool(saga_splat_params *p, uint32_t n, int tool)
 
 void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
 {
-    const int order = (int)((tools & SAGA_TOOL_MOTION_MASK) >>
-                            SAGA_TOOL_MOTION_SHIFT);
+    const int order = saga_tools_order(tools);
 
     /* The tools are dropped in the order in which they were judged, so that the
      * result is the one that was judged. */
@@ -247,13 +246,13 @@ static bool judge(trial *a, int tool, double less)
     return r->kept;
 }
 
-/* If an order of motion pays, the lower orders are kept without being
- * judged. */
+/* What the scene does not have is not judged, nor are the lower orders of a
+ * motion that pays. */
 static bool needs_asking(const saga_tool_choice *c, int tool)
 {
-    if (tool == SAGA_TRAIN_MOTION_3 || tool > SAGA_TRAIN_MOTION_1)
-        return true;
-    return c->tool[tool - 1].asked && !c->tool[tool - 1].kept;
+    if (tool <= SAGA_TRAIN_MOTION_1)
+        return saga_tools_order(c->tools) == 3 - tool;
+    return tool != SAGA_TRAIN_SLOPE || (c->tools & SAGA_TOOL_SLOPE);
 }
 
 static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
@@ -588,6 +587,15 @@ static bool ask_all(trial *a, saga_error *error)
     return ok && ask_view(a, mse, error);
 }
 
+uint32_t saga_plan_all_tools(const saga_train_options *o)
+{
+    const uint32_t orders = SAGA_TOOL_MOTION_MASK;
+
+    return o->paper ? SAGA_TOOLS_PICTURE
+                    : (SAGA_TOOLS_PICTURE & ~(orders | SAGA_TOOL_SLOPE)) |
+                          2u << SAGA_TOOL_MOTION_SHIFT;
+}
+
 bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
                      saga_error *error)
 {
@@ -595,7 +603,8 @@ bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
     bool ok = true;
 
     memset(to, 0, sizeof *to);
-    to->tools = SAGA_TOOLS_PICTURE & ~(q->moves ? 0u : SAGA_TOOLS_TIME);
+    to->tools = saga_plan_all_tools(q->terms.options) &
+                ~(q->moves ? 0u : SAGA_TOOLS_TIME);
     choose_pictures(&a);
     if (a.n_looks > 0) {
         ok = saga_pictures_canvas(&a.canvas, q->pictures, error) &&

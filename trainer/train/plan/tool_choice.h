@@ -51,6 +51,13 @@ typedef struct saga_tool_choice {
     saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts behind them */
 } saga_tool_choice;
 
+/* Returns the tools of the picture from which a training chooses, and with
+ * whose temporal ones it warms up. The paper's model has all. Others have
+ * motion of second order and no rotation in time, because four features more
+ * take 8 to 13 % of a file, and at equal bytes the pictures are better without
+ * (docs/lab/motion.md). */
+uint32_t saga_plan_all_tools(const saga_train_options *o);
+
 /* Chooses the tools. Returns false with *error set if memory is short. */
 bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
                      saga_error *error);

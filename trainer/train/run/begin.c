@@ -9,6 +9,7 @@
 #include "exposure_match.h"
 #include "level_room.h"
 #include "scene_model.h"
+#include "tool_choice.h"
 #include "warm_up.h"
 
 #include <math.h>
@@ -69,7 +70,10 @@ void saga_train_set_flat(saga_train *t)
     /* A capture of one frame cannot move. For others, the end of a warm-up with
      * temporal tools decides it. */
     t->warm.options.temporal = t->capture->n_frames > 1 &&
-                               t->o.motion != SAGA_TRAIN_STILL;
+                                       t->o.motion != SAGA_TRAIN_STILL
+                                   ? saga_plan_all_tools(&t->o) &
+                                         SAGA_TOOLS_TIME
+                                   : 0;
     if (t->backdrop.n)
         t->warm.options.start = R(SAGA_START_ON_BASE);
 }

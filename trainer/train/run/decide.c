@@ -40,8 +40,8 @@ uint32_t saga_train_room(const saga_train *t, uint32_t n)
 
 static bool find_motion(saga_train *t, saga_error *error)
 {
-    saga_motion_found found = { t->warm.options.temporal, t->render.explained,
-                                t->render.changing };
+    saga_motion_found found = { t->warm.options.temporal != 0,
+                                t->render.explained, t->render.changing };
     const bool ok = saga_plan_motion(&found, t->warm.flat, &t->pictures,
                                      t->o.motion, error);
 

@@ -5,6 +5,7 @@
 #include "fit_room.h"
 #include "flat.h"
 #include "scene_model.h"
+#include "tool_choice.h"
 
 /* A picture as large as the largest, with nothing in it. */
 static saga_canvas largest_of(const saga_capture *c)
@@ -34,7 +35,9 @@ static bool warm_room(const saga_pictures *pictures, const saga_canvas *canvas,
     saga_flat_options f = saga_flat_defaults();
 
     f.n_primitives = o->n_primitives;
-    f.temporal = moves(pictures->capture, o);
+    f.temporal = moves(pictures->capture, o)
+                     ? saga_plan_all_tools(o) & SAGA_TOOLS_TIME
+                     : 0;
     f.gpu = o->gpu;
     return o->given ||
            saga_flat_room(pictures, &f, canvas, o->n_teachers, error);
@@ -55,7 +58,7 @@ static bool render_room(const saga_pictures *pictures,
     if (!saga_options_ablation(&ablation, o, error))
         return false;
     saga_plan_model(&model, &terms,
-                    moves(pictures->capture, o) ? SAGA_TOOLS_PICTURE
+                    moves(pictures->capture, o) ? saga_plan_all_tools(o)
                                                 : SAGA_TOOL_VIEW);
     return saga_fit_room(o->gpu, pictures, canvas, &model, n, error);
 }

@@ -20,8 +20,8 @@ static bool begin_early(saga_train *t, saga_error *error)
     /* Without the pictures, the tools cannot be judged. Those in time are
      * taken if the warm-up has them; colours do not depend on the direction. */
     if (t->turn == 0) {
-        t->render.dynamic = t->warm.options.temporal;
-        t->render.tools = t->render.dynamic ? SAGA_TOOLS_TIME : 0;
+        t->render.dynamic = t->warm.options.temporal != 0;
+        t->render.tools = t->warm.options.temporal;
     }
     /* The steps of the weights are not learned yet, so they are small. */
     t->ablation.raw_networks = true;
