@@ -135,6 +135,20 @@ TEST(only_pixels_that_count_should_be_compared)
     assert_true(lost_by(&r, 3) > 11);
 }
 
+/* A camera from which nothing is seen that counts is no perfect one. */
+TEST(a_camera_that_shows_nothing_should_not_count)
+{
+    static row r;
+    double all;
+
+    film(&r, 5, 1.5, true);
+    mask_row(&r, false);
+    all = lost_by(&r, 3);
+    memset(r.mask[2], 0, sizeof r.mask[2]);
+    /* As one of three it would take a third of the loss away. */
+    assert_true(lost_by(&r, 2) > 0.8 * all);
+}
+
 TEST(no_camera_between_others_should_leave_it_unknown)
 {
     assert_true(isnan(loss_of(1, 0.5, true, 0)));

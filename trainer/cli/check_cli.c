@@ -77,7 +77,10 @@ static json_t *refinement_of(const saga_refinement *r)
 /* What the training takes of the device's memory. */
 static void put_device(json_t *o, const saga_forecast *f)
 {
-    saga_put_int(o, "device_nbytes", (json_int_t)f->device.need);
+    if (f->device.need)
+        saga_put_int(o, "device_nbytes", (json_int_t)f->device.need);
+    else
+        saga_put_text(o, "device_nbytes", NULL);
     saga_put_text(o, "device_lacks",
                   saga_failed(&f->lacks) ? f->lacks.message : NULL);
 }

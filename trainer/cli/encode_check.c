@@ -320,16 +320,23 @@ static bool is_small(const saga_encode_session *s)
 }
 
 /* Predicts the quality between the cameras from the capture in memory, which is
- * that of the last segment. A part of a film has no use for it. */
-static bool predict(saga_encode_session *s)
+ * that of the last segment. A part of a film has no use for it. A film is
+ * finished even if that fails. */
+static void predict(saga_encode_session *s)
 {
     saga_encode_result *const r = &s->result;
+    const bool asked = s->o->only < 0 && r->decoded.n_training > 0;
+    saga_error failure = { "" };
 
-    r->predicted = s->o->only < 0 && r->decoded.n_training > 0 && is_small(s);
-    return !r->predicted ||
-           saga_between_predict(
-               &r->between, &s->capture, saga_train_exposure(s->train),
-               r->decoded.training, (uint64_t)s->o->seed, &s->error);
+    r->is_short = asked && !is_small(s);
+    r->predicted = asked && !r->is_short &&
+                   saga_between_predict(
+                       &r->between, &s->capture, saga_train_exposure(s->train),
+                       r->decoded.training, (uint64_t)s->o->seed, &failure);
+    if (saga_failed(&failure))
+        saga_cli_error(SAGA_EXIT_OK,
+                       "encode: no prediction between cameras: %s",
+                       failure.message);
 }
 
 /* Returns a mean PSNR, in dB, as the volume has it: Q8, at least 1, or 0 if it
@@ -380,8 +387,11 @@ int saga_encode_check(saga_encode_session *s)
     close_cuts(s);
     s->result.decoded = saga_quality_of(t.sum, t.n);
     saga_film_close(&film);
-    if (!status && !(predict(s) && add_volume(s, &bytes)))
-        status = written_but(s);
+    if (!status) {
+        predict(s);
+        if (!add_volume(s, &bytes))
+            status = written_but(s);
+    }
     for (int k = 0; !status && k + 1 < s->o->layers; k++)
         s->result.cut[k].nbytes = saga_layout_cut(&s->result.layout,
                                                   (uint32_t)k + 1);

@@ -36,8 +36,8 @@ typedef struct saga_encode_result {
     saga_verdict verdict;   /* over the training views */
     saga_between between;   /* the prediction between the cameras */
     bool predicted;         /* there is a prediction, of NaN if no camera
-                             * stands between others; false: the training is
-                             * too short for it */
+                             * stands between others */
+    bool is_short;          /* there is none: the training is too short */
     saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
                                            * except the last */
 } saga_encode_result;

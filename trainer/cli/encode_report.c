@@ -241,7 +241,8 @@ static void put_between(json_t *o, const saga_encode_result *r)
     /* For the text. */
     saga_put_real(b, "/gap", gap);
     saga_put_flag(b, "/told", !measured && !isnan(gap));
-    saga_put_flag(b, "/short", !measured && !r->predicted);
+    saga_put_flag(b, "/short", r->is_short);
+    saga_put_flag(b, "/alone", r->predicted && r->between.n_views == 0);
     saga_put(o, "psnr_between", b);
     snprintf(aside, sizeof aside, "/between_%s", word);
     saga_put_text(o, "between_cameras", word);
@@ -458,7 +459,7 @@ static const saga_line file_text[] = {
       "  no camera was held out, and so short a training predicts nothing: it "
       "is unknown\n  how good the scene looks from between the cameras; "
       "--hold-out NAME tells\n" },
-    { "/between_unknown&!psnr_between./short", NULL,
+    { "/between_unknown&psnr_between./alone", NULL,
       "  no camera was held out, and none stands between others: it is unknown "
       "how good\n  the scene looks from between the cameras; add cameras\n" },
     { "", NULL, "  {seconds:%.0f} s; next: saga view {file}\n" },

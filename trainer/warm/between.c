@@ -177,16 +177,15 @@ static int n_iterations(int n_views)
 
 double saga_between_work(const saga_capture *c)
 {
-    int n = 0;
+    int n;
+    const double pixels = saga_miniature_pixels(c, &n);
 
-    for (int i = 0; i < c->n_views; i++)
-        n += !c->views[i].held_out;
-    return N_FOLDS * n_iterations(n) * saga_miniature_pixels(c) / fmax(n, 1);
+    return N_FOLDS * n_iterations(n) * pixels / fmax(n, 1);
 }
 
 /* Returns the mean squared error of an image (3, H, W) over the pixels that
  * count when a film is measured: of a subject, those where it is. exposure has
- * three factors on the truth. Returns 0 if no pixel counts. */
+ * three factors on the truth. Returns NaN if no pixel counts. */
 static double error_of(const real *image, const saga_source_view *v,
                        const double *exposure)
 {
@@ -205,7 +204,7 @@ static double error_of(const real *image, const saga_source_view *v,
             sum += e * e;
         }
     }
-    return n_counting ? sum / (3.0 * (double)n_counting) : 0;
+    return n_counting ? sum / (3.0 * (double)n_counting) : (double)NAN;
 }
 
 static bool compare(folds *f, saga_flat *flat, const saga_pictures *p, int fold,
@@ -312,8 +311,8 @@ static void end(folds *f)
     free(f->without);
 }
 
-/* Returns the mean PSNR of the cameras that were left out, with their
- * excesses. */
+/* Returns the mean PSNR of the cameras that were left out, with their excesses.
+ * Those of which no pixel counts say nothing. */
 static saga_between conclude(const folds *f, double at_cameras)
 {
     const double there = pow(10, -at_cameras / 10);
@@ -322,7 +321,7 @@ static saga_between conclude(const folds *f, double at_cameras)
     for (int v = 0; v < f->n; v++) {
         double excess;
 
-        if (f->fold[v] == NEVER)
+        if (f->fold[v] == NEVER || isnan(f->without[v]))
             continue;
         excess = f->without[v] - f->with[v] / f->n_with[v];
         b.psnr -= 10 * log10(there + EXCESS_PART * fmax(excess, 0));

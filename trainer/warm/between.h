@@ -15,8 +15,8 @@
 typedef struct saga_between {
     double psnr; /* dB, as of a picture from a place whose neighbours are
                   * as far away as those of a camera; NaN: unknown */
-    int n_views; /* number of cameras that were left out; 0: no camera
-                  * stands between others */
+    int n_views; /* number of cameras that were left out; 0: none that
+                  * shows anything stands between others */
 } saga_between;
 
 /* Returns the time of a prediction, in pixels that are drawn and learned. */

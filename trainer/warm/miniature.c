@@ -34,13 +34,16 @@ static size_t pixels_of(const saga_source_view *v)
     return (size_t)(v->width / box) * (size_t)(v->height / box);
 }
 
-double saga_miniature_pixels(const saga_capture *c)
+double saga_miniature_pixels(const saga_capture *c, int *n_views)
 {
     double n = 0;
 
+    *n_views = 0;
     for (int i = 0; i < c->n_views; i++)
-        if (has_view(c, i))
+        if (has_view(c, i)) {
             n += (double)pixels_of(&c->views[i]);
+            ++*n_views;
+        }
     return n;
 }
 
@@ -103,6 +106,7 @@ bool saga_miniature_make(saga_miniature *m, const saga_capture *c,
 {
     const size_t n = (size_t)c->n_views;
     uint8_t *room;
+    int n_views;
 
     *m = (saga_miniature){ .capture = *c };
     m->capture.n_frames = 1;
@@ -112,7 +116,8 @@ bool saga_miniature_make(saga_miniature *m, const saga_capture *c,
     m->capture.views = saga_calloc(n, sizeof *m->capture.views, what, error);
     m->view = saga_alloc(n, sizeof *m->view, what, error);
     /* Three bytes for a pixel, and one for its mask. */
-    m->room = saga_alloc((size_t)saga_miniature_pixels(c), 4, what, error);
+    m->room = saga_alloc((size_t)saga_miniature_pixels(c, &n_views), 4, what,
+                         error);
     room = m->room;
     if (!m->capture.views || !m->view || !room)
         return false;

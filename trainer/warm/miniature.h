@@ -16,9 +16,9 @@ typedef struct saga_miniature {
     uint8_t *room;        /* memory of all pictures and masks */
 } saga_miniature;
 
-/* Returns the pixels of all pictures that a miniature of a capture would
- * have. */
-double saga_miniature_pixels(const saga_capture *capture);
+/* Returns the pixels of all pictures that a miniature of a capture would have,
+ * and sets *n_views to their number. */
+double saga_miniature_pixels(const saga_capture *capture, int *n_views);
 
 /* Makes a miniature of the moment in the middle. The capture must outlive it.
  * The caller frees it, even if this fails. Returns false with *error set if
