@@ -81,16 +81,35 @@ TEST(polish_should_draw_all_pictures_and_lower_the_loss)
 {
     FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 16 * 15);
-    const saga_fit_polished first = polish(t), second = polish(t);
+    const saga_fit_polished p = polish(t);
 
     /* After 16 visits to each of 15 pictures all of them are drawn. */
-    assert_int_equal(first.n_turns, 4);
+    assert_int_equal(p.n_turns, 4);
     assert_int_equal(saga_fit_polish_draws(16 * 15, 15), (4 + 2) * 15);
-    assert_true(first.after < first.before);
-    /* A second polish starts from the scene that the first one left. Only the
-     * offsets are rounded anew, since supports follow from the features. */
-    assert_true(fabs(second.before / first.after - 1) < 0.02);
+    assert_true(p.after < p.before);
     saga_train_free(t);
+}
+
+/* A second polish starts from the scene that the first one left. Only the
+ * offsets are rounded anew, since supports follow from the features, which
+ * changes the loss of one training by -2 to 6 %, so that six are added. If the
+ * features of the first were lost, it would be 5 %. */
+TEST(a_polish_should_be_kept)
+{
+    double before = 0, after = 0, again = 0;
+
+    for (uint64_t seed = 1; seed <= 6; seed++) {
+        FREED_BY(tiny_close) tiny room;
+        saga_train *const t = rendered_by(&room, 16 * 15, seed);
+        const saga_fit_polished first = polish(t), second = polish(t);
+
+        before += first.before;
+        after += first.after;
+        again += second.before;
+        saga_train_free(t);
+    }
+    printf("%g, then %g, again %g\n", before, after, again);
+    assert_true(fabs(again / after - 1) < 0.03);
 }
 
 /* 5,400 pictures that were visited four times, as those of ten seconds of
