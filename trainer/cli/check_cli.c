@@ -74,7 +74,8 @@ static json_t *refinement_of(const saga_refinement *r)
     return o;
 }
 
-/* What the training takes of the device's memory. */
+/* Puts the bytes of the device's memory that the training takes, or why it
+ * cannot. */
 static void put_device(json_t *o, const saga_forecast *f)
 {
     if (f->device.need)

@@ -48,7 +48,7 @@ bool saga_gpu_draw(saga_gpu_canvas *g, saga_canvas *canvas,
 bool saga_gpu_learn_room(saga_gpu_canvas *g, const saga_canvas *canvas,
                          uint32_t attrs, uint32_t n, saga_error *error);
 bool saga_gpu_pictures_room(saga_gpu_canvas *g, saga_error *error);
-/* The same for so many teachers with n primitives each. */
+/* Makes room for n_teachers teachers with n primitives each. */
 bool saga_gpu_teachers_room(saga_gpu_canvas *g, const saga_canvas *canvas,
                             uint32_t attrs, uint32_t n, int n_teachers,
                             saga_error *error);

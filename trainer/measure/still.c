@@ -53,14 +53,7 @@ static bool make_room(saga_still *s, const saga_capture *part, int n,
 static void begin_view(saga_source_view *to, const saga_source_view *from,
                        int n, uint8_t *room)
 {
-    *to = *from;
-    /* The lists of files are owned by the part and are not copied. */
-    to->single = false;
-    to->missing = NULL;
-    to->n_missing = 0;
-    to->depth = NULL;
-    to->as_filmed = NULL;
-    to->digest = 0;
+    *to = saga_view_bare(from);
     to->rgb = room;
     to->mask = from->mask ? room + (size_t)n * saga_view_frame_nbytes(from)
                           : NULL;

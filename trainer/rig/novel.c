@@ -192,7 +192,7 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
                          saga_checkpoint *c, saga_error *error)
 {
     saga_splat_params *const p = &o->teacher[k];
-    /* What does not depend on time all drawn primitives have. */
+    /* All drawn primitives have the attributes that do not depend on time. */
     const uint64_t least = saga_attrs_of_tools(0, true);
     uint64_t head[2] = { o->n[k], saga_attrs_of(p) };
 

@@ -54,14 +54,7 @@ typedef struct {
 
 static double distance(const folds *f, int v, int w)
 {
-    double square = 0;
-
-    for (int k = 0; k < 3; k++) {
-        const double d = f->centre[3 * w + k] - f->centre[3 * v + k];
-
-        square += d * d;
-    }
-    return sqrt(square);
+    return distance3(f->centre + 3 * w, f->centre + 3 * v);
 }
 
 static bool find_spacing(folds *f, saga_error *error)
@@ -81,12 +74,13 @@ static bool find_spacing(folds *f, saga_error *error)
     return nearest != NULL;
 }
 
-/* Sets `to` to the unit vector from camera v to w, in the plane of v's picture.
- * On a ring, neighbours are then in opposite directions. */
+/* Sets `to` to the unit vector from camera v to w, in the plane of v's picture,
+ * or about to zero if w is in front of v or behind it. On a ring, neighbours
+ * are then in opposite directions. */
 static void look_aside(double to[3], const folds *f, int v, int w)
 {
     const double *const axis = f->small.capture.views[v].rotation + 6;
-    double along = 0, n;
+    double along = 0;
 
     for (int k = 0; k < 3; k++) {
         to[k] = f->centre[3 * w + k] - f->centre[3 * v + k];
@@ -94,9 +88,7 @@ static void look_aside(double to[3], const folds *f, int v, int w)
     }
     for (int k = 0; k < 3; k++)
         to[k] -= along * axis[k];
-    n = length3(to);
-    for (int k = 0; k < 3; k++)
-        to[k] = n > 0 ? to[k] / n : 0;
+    (void)normalise3(to);
 }
 
 static bool is_between(const folds *f, int v)

@@ -77,7 +77,7 @@ static void make_view(saga_source_view *to, const saga_capture *c, int view,
     const uint8_t *const mask = saga_capture_mask(c, view, frame);
     const int box = box_of(from);
 
-    *to = *from;
+    *to = saga_view_bare(from);
     /* Coordinates start at the picture's corner. Pixels that do not fill a box
      * are left out. */
     to->width /= box;
@@ -86,14 +86,7 @@ static void make_view(saga_source_view *to, const saga_capture *c, int view,
     to->fy /= box;
     to->cx /= box;
     to->cy /= box;
-    /* The lists are owned by the original. */
-    to->single = false;
     to->late = 0;
-    to->missing = NULL;
-    to->n_missing = 0;
-    to->depth = NULL;
-    to->as_filmed = NULL;
-    to->digest = 0;
     to->rgb = room;
     to->mask = mask ? room + saga_view_frame_nbytes(to) : NULL;
     reduce(to->rgb, to, saga_capture_frame(c, view, frame), from, 3);

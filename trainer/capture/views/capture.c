@@ -46,6 +46,20 @@ static uint64_t digest_of(uint64_t sum, const uint8_t *bytes, size_t n)
     return lane[0];
 }
 
+saga_source_view saga_view_bare(const saga_source_view *view)
+{
+    saga_source_view v = *view;
+
+    v.single = false;
+    v.missing = NULL;
+    v.n_missing = 0;
+    v.depth = NULL;
+    v.as_filmed = NULL;
+    v.digest = 0;
+    v.rgb = v.mask = NULL;
+    return v;
+}
+
 void saga_view_add_digest(saga_source_view *view, int frame,
                           const uint8_t *bytes, size_t n)
 {

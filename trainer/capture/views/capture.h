@@ -210,6 +210,10 @@ static inline double saga_capture_seconds(const saga_capture *capture)
     return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
 
+/* Returns a copy of a view that owns nothing: it has no lists, no depths and no
+ * digest, and the caller gives it pictures and masks for each frame. */
+saga_source_view saga_view_bare(const saga_source_view *view);
+
 /* Adds the n bytes of a picture to its view's digest. This is done while they
  * are at hand, since later they may be on the disk. Threads may add pictures in
  * any order. */

@@ -4,8 +4,8 @@
  * warm-up, before the hierarchy is made. The warm-up's pictures are drawn
  * without each tool, one after the other. The growth of the squared error,
  * divided by the price of bits, is the tool's worth, less what training would
- * win back. Its cost is what the weights of its networks take. Its values in
- * the features count nothing, since each is coded only as finely as pays.
+ * win back. Its cost is what the weights of its networks take, not what the
+ * features do that it needs.
  */
 #include "tool_choice.h"
 
@@ -246,8 +246,8 @@ static bool judge(trial *a, int tool, double less)
     return r->kept;
 }
 
-/* What the scene does not have is not judged, nor are the lower orders of a
- * motion that pays. */
+/* Tells whether a tool is judged: not if it is absent, nor if it is a lower
+ * order of a motion that pays. */
 static bool needs_asking(const saga_tool_choice *c, int tool)
 {
     if (tool <= SAGA_TRAIN_MOTION_1)
@@ -589,11 +589,10 @@ static bool ask_all(trial *a, saga_error *error)
 
 uint32_t saga_plan_all_tools(const saga_train_options *o)
 {
-    const uint32_t orders = SAGA_TOOL_MOTION_MASK;
-
     return o->paper ? SAGA_TOOLS_PICTURE
-                    : (SAGA_TOOLS_PICTURE & ~(orders | SAGA_TOOL_SLOPE)) |
-                          2u << SAGA_TOOL_MOTION_SHIFT;
+                    : tools_without(tools_without(SAGA_TOOLS_PICTURE,
+                                                  SAGA_TRAIN_MOTION_3),
+                                    SAGA_TRAIN_SLOPE);
 }
 
 bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,

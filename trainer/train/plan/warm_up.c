@@ -3,8 +3,17 @@
 
 #include "level_room.h"
 #include "policy.h"
+#include "tool_choice.h"
 
 #include <math.h>
+
+uint32_t saga_plan_time_tools(const saga_train_options *o,
+                              const saga_capture *c)
+{
+    return c->n_frames > 1 && o->motion != SAGA_TRAIN_STILL
+               ? saga_plan_all_tools(o) & SAGA_TOOLS_TIME
+               : 0;
+}
 
 /* --- Teachers ------------------------------------------------------------ */
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Decisions about the warm-up of a segment: whether teachers are trained before
- * it, for how long, and how many primitives it has if the user left that open.
+ * Decisions about the warm-up of a segment: whether it may move, whether
+ * teachers are trained before it, for how long, and how many primitives it has
+ * if the user left that open.
  */
 #ifndef SAGA_WARM_UP_H
 #define SAGA_WARM_UP_H
@@ -20,6 +21,12 @@
  * the others, placed at random, would repeat the base; they are added later,
  * where the error is large. */
 #define SAGA_START_ON_BASE 0.1
+
+/* Returns the temporal tools with which a training warms up, or 0 for what
+ * cannot move: a capture of one frame, or one that was said to be still. For
+ * others, the end of the warm-up decides whether the scene keeps them. */
+uint32_t saga_plan_time_tools(const saga_train_options *o,
+                              const saga_capture *capture);
 
 /* Returns the number of teachers that a preset has for a capture. The pictures
  * need not be loaded. */

@@ -9,7 +9,6 @@
 #include "exposure_match.h"
 #include "level_room.h"
 #include "scene_model.h"
-#include "tool_choice.h"
 #include "warm_up.h"
 
 #include <math.h>
@@ -67,13 +66,7 @@ const double *saga_train_exposure(const saga_train *t)
 void saga_train_set_flat(saga_train *t)
 {
     t->warm.options.n_primitives = saga_train_share(t);
-    /* A capture of one frame cannot move. For others, the end of a warm-up with
-     * temporal tools decides it. */
-    t->warm.options.temporal = t->capture->n_frames > 1 &&
-                                       t->o.motion != SAGA_TRAIN_STILL
-                                   ? saga_plan_all_tools(&t->o) &
-                                         SAGA_TOOLS_TIME
-                                   : 0;
+    t->warm.options.temporal = saga_plan_time_tools(&t->o, t->capture);
     if (t->backdrop.n)
         t->warm.options.start = R(SAGA_START_ON_BASE);
 }

@@ -5,7 +5,7 @@
 #include "fit_room.h"
 #include "flat.h"
 #include "scene_model.h"
-#include "tool_choice.h"
+#include "warm_up.h"
 
 /* A picture as large as the largest, with nothing in it. */
 static saga_canvas largest_of(const saga_capture *c)
@@ -24,20 +24,13 @@ static saga_canvas largest_of(const saga_capture *c)
     return canvas;
 }
 
-static bool moves(const saga_capture *c, const saga_train_options *o)
-{
-    return c->n_frames > 1 && o->motion != SAGA_TRAIN_STILL;
-}
-
 static bool warm_room(const saga_pictures *pictures, const saga_canvas *canvas,
                       const saga_train_options *o, saga_error *error)
 {
     saga_flat_options f = saga_flat_defaults();
 
     f.n_primitives = o->n_primitives;
-    f.temporal = moves(pictures->capture, o)
-                     ? saga_plan_all_tools(o) & SAGA_TOOLS_TIME
-                     : 0;
+    f.temporal = saga_plan_time_tools(o, pictures->capture);
     f.gpu = o->gpu;
     return o->given ||
            saga_flat_room(pictures, &f, canvas, o->n_teachers, error);
@@ -58,8 +51,8 @@ static bool render_room(const saga_pictures *pictures,
     if (!saga_options_ablation(&ablation, o, error))
         return false;
     saga_plan_model(&model, &terms,
-                    moves(pictures->capture, o) ? saga_plan_all_tools(o)
-                                                : SAGA_TOOL_VIEW);
+                    saga_plan_time_tools(o, pictures->capture) |
+                        SAGA_TOOL_VIEW);
     return saga_fit_room(o->gpu, pictures, canvas, &model, n, error);
 }
 
