@@ -13,6 +13,7 @@
 #include "json_cli.h"
 #include "layout.h"
 #include "lpips.h"
+#include "volume_report.h"
 
 #include <assert.h>
 #include <math.h>
@@ -151,7 +152,8 @@ static json_t *times_of(const saga_film *film)
                      (json_int_t)t->n_views);
 }
 
-/* Adds bytes and decoding times. A still has no bit rate. */
+/* Adds bytes, decoding times, and from where the file looks well. A still has
+ * no bit rate. */
 static void put_file(json_t *o, const session *s)
 {
     const saga_info *const i = &s->film.info;
@@ -164,6 +166,9 @@ static void put_file(json_t *o, const session *s)
     saga_put_real(o, "/frame_nbytes", nbytes / i->n_frames);
     saga_put_bytes(o, &s->layout);
     saga_put(o, "decode_ms", times_of(&s->film));
+    saga_put(
+        o, "volume",
+        saga_volume_report(s->bytes.data, s->bytes.nbytes, &s->film.metric));
 }
 
 /* --- The protocol -------------------------------------------------------- */
