@@ -267,7 +267,8 @@ static int check(const char *name, const options *o, saga_gpu *gpu)
     /* Wrong poses are an error only if no mistake that explains the pictures
      * is found. */
     if (!saga_survey_make(&survey, &c, &error) ||
-        (o->html && !saga_check_page(o->html, name, &survey, &c, &error)) ||
+        (o->html &&
+         !saga_check_page(o->html, name, &survey, &c, gpu, &error)) ||
         (o->fix && !saga_check_fix(o->fix, name, &with, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
     else if (saga_failed(&wrong_poses) && !survey.calibration.found)

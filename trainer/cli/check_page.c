@@ -375,10 +375,42 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
     fputs("</table>\n", to);
 }
 
-static bool put_page(FILE *to, const char *name, const saga_survey *s,
-                     const saga_capture *c, saga_error *error)
+/* Writes a table of the forecasts, with a row for each preset. gpu: the device
+ * that trains, or NULL. */
+static void put_forecasts(FILE *to, const saga_capture *c, saga_gpu *gpu)
 {
     saga_forecast f;
+
+    fprintf(to,
+            "<h2>Estimates</h2><p>From measured trainings, docs/presets.md; "
+            "PSNR is known only after training. Segments: "
+            "%d, each with these numbers of primitives and iterations.<table>",
+            saga_plan_segments(c, 0));
+    for (int i = 0; saga_forecast_of(&f, c, i, gpu); i++) {
+        fprintf(to,
+                "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
+                "%.0f CPU minutes<td>%.1f GB of memory<td>%.0f to %.0f kB<td>"
+                "pictures at 1/%d<td>%d teachers<td>%s\n",
+                f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
+                1e-9 * f.memory_nbytes, f.least_kb, f.most_kb, f.scale,
+                f.n_teachers,
+                f.n_wanted > 0 ? "the level has room for no more" : "");
+        if (f.device.need) {
+            fprintf(to, "<td>%.2f of %.1f GB of ", 1e-9 * (double)f.device.need,
+                    1e-9 * (double)saga_gpu_is(gpu)->memory);
+            put_escaped(to, saga_gpu_is(gpu)->name);
+        }
+        if (f.lacks.message[0]) {
+            fputs("<td>", to);
+            put_escaped(to, f.lacks.message);
+        }
+    }
+    fputs("</table>", to);
+}
+
+static bool put_page(FILE *to, const char *name, const saga_survey *s,
+                     const saga_capture *c, saga_gpu *gpu, saga_error *error)
+{
     bool ok = true;
 
     /* The head. The page refers to no other file, so that it can be sent as one
@@ -403,22 +435,8 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
-    /* The forecast has a row for each preset. */
-    fprintf(to,
-            "<h2>Estimates</h2><p>From measured trainings, docs/presets.md; "
-            "PSNR is known only after training. Segments: "
-            "%d, each with these numbers of primitives and iterations.<table>",
-            saga_plan_segments(c, 0));
-    for (int i = 0; saga_forecast_of(&f, c, i, NULL); i++)
-        fprintf(to,
-                "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
-                "%.0f CPU minutes<td>%.1f GB of memory<td>%.0f to %.0f kB<td>"
-                "pictures at 1/%d<td>%d teachers<td>%s\n",
-                f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
-                1e-9 * f.memory_nbytes, f.least_kb, f.most_kb, f.scale,
-                f.n_teachers,
-                f.n_wanted > 0 ? "the level has room for no more" : "");
-    fputs("</table><h2>Decisions while loading</h2><pre>", to);
+    put_forecasts(to, c, gpu);
+    fputs("<h2>Decisions while loading</h2><pre>", to);
     put_notes(to, "", c->notes);
     fputs("</pre></html>\n", to);
     return ok;
@@ -426,12 +444,12 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
 
 bool saga_check_page(const char *path, const char *name,
                      const saga_survey *survey, const saga_capture *capture,
-                     saga_error *error)
+                     saga_gpu *gpu, saga_error *error)
 {
     saga_output out;
 
     if (!saga_output_open(&out, path, error))
         return false;
     return saga_output_close(
-        &out, put_page(out.file, name, survey, capture, error), error);
+        &out, put_page(out.file, name, survey, capture, gpu, error), error);
 }

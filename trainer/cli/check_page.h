@@ -34,9 +34,10 @@ typedef struct saga_forecast {
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
                       int index, saga_gpu *gpu);
 
-/* Writes the page, completely or not at all. `name` is the capture. */
+/* Writes the page, completely or not at all. `name` is the capture; gpu: the
+ * device that trains, or NULL. */
 bool saga_check_page(const char *path, const char *name,
                      const saga_survey *survey, const saga_capture *capture,
-                     saga_error *error);
+                     saga_gpu *gpu, saga_error *error);
 
 #endif
