@@ -195,7 +195,6 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
     }
 }
 
-/* With K = 1 the parent is the only member. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before)
@@ -204,8 +203,13 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
     search s = { sc, query, tier, { 0, 0, 0 }, { 0, 0, 0 } };
 
     nb->n = 0;
-    if (before != SAGA_ALL_GROUPS || l->neighbours > 1)
-        take_nearest(nb, &s, centre, before);
+    /* With K = 1 the parent is the only member, however far away it is. */
+    if (before == SAGA_ALL_GROUPS && l->neighbours == 1) {
+        force_parent(nb, 1, centre, 0);
+        softmax(nb, l->softmax_q8);
+        return;
+    }
+    take_nearest(nb, &s, centre, before);
     if (before == SAGA_ALL_GROUPS && !is_member(nb, centre))
         force_parent(nb, l->neighbours, centre,
                      distance_q12(&s, centre, 65535));

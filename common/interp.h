@@ -23,9 +23,10 @@ enum { SAGA_ALL_GROUPS = SAGA_MAX_GROUPS };
  * d < rho^2. Candidates are the anchors of the tier with ranks from centre - w
  * to centre + w.
  * To interpolate features, `before` is SAGA_ALL_GROUPS, and `centre`, the
- * parent of the position, is always among the neighbours. To predict symbols,
- * only anchors of the groups below `before`, which are decoded already, are
- * candidates, and nb->n may be 0. */
+ * parent of the position, is always among the neighbours; with K = 1 it is the
+ * only neighbour, and its d is set to 0. To predict symbols, only anchors of
+ * the groups below `before`, which are decoded already, are candidates, and
+ * nb->n may be 0. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before);

@@ -124,6 +124,10 @@ static uint32_t members(candidate *to, const crowd *c)
     const candidate parent = { distance(c, c->centre), c->centre };
     uint32_t n = 0, i;
 
+    if (c->before == SAGA_ALL_GROUPS && l->neighbours == 1) {
+        to[0] = (candidate){ 0, c->centre };
+        return 1;
+    }
     for (uint32_t rank = 0; rank < c->sc.n.coarse; rank++) {
         const uint32_t d = distance(c, rank);
 
