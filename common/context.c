@@ -401,21 +401,30 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
     saga_net_run(&sc->net, SAGA_NET_E_COARSE + kind, n);
 }
 
-static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
+/* Splits the outputs of an entropy network for a block of n channels; q is the
+ * format of log2(sigma). */
+static void set_block(int16_t *restrict mu, uint8_t *restrict scale,
+                      const int16_t *restrict out, uint32_t n, int q)
 {
-    const uint32_t n = saga_n_channels(sc->model, kind);
-    const int q = sc->model->out_q[SAGA_OUT_SIGMA];
-    uint32_t i, k;
+    uint32_t k;
 
-    for (i = 0; i < run->n; i++) {
-        const int16_t *const out = saga_out_point(&sc->net,
-                                                  SAGA_NET_E_COARSE + kind, i);
+    for (k = 0; k < n; k++)
+        mu[k] = out[k];
+    for (k = 0; k < n; k++)
+        scale[k] = saga_prob_index(out[n + k], q);
+}
 
-        for (k = 0; k < n; k++) {
-            run->mu[i * n + k] = out[k];
-            run->scale[i * n + k] = saga_prob_index(out[n + k], q);
-        }
-    }
+/* Sets the parameters of the first n blocks. */
+static void set_params(saga_run *run, const saga_scaffold *sc, int kind,
+                       uint32_t n)
+{
+    const uint32_t channels = saga_n_channels(sc->model, kind);
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        set_block(run->mu + i * channels, run->scale + i * channels,
+                  saga_out_point(&sc->net, SAGA_NET_E_COARSE + kind, i),
+                  channels, sc->model->out_q[SAGA_OUT_SIGMA]);
 }
 
 /* Returns the number of blocks of a kind that may run together. None may depend
@@ -454,8 +463,17 @@ uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
     for (run->n = 0; rank < end && run->n < most; rank++)
         if (is_in_group(sc, kind, rank, group))
             run->rank[run->n++] = rank;
+    /* Without sources the parameters are constants, and all blocks share them.
+     */
+    if (sc->model->sources[kind] == 0) {
+        saga_net_run(&sc->net, SAGA_NET_E_COARSE + kind, 1);
+        set_params(run, sc, kind, 1);
+        run->stride = 0;
+        return rank;
+    }
     make_blocks(b, sc, kind, run->rank, run->n);
     run_blocks(sc, b, run->n, kind, group);
-    set_params(run, sc, kind);
+    set_params(run, sc, kind, run->n);
+    run->stride = saga_n_channels(sc->model, kind);
     return rank;
 }

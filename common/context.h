@@ -12,10 +12,11 @@
 /* A run is several blocks that depend on the same decoded values and pass
  * through the networks together, with their parameters: mu in the Q of the
  * coded value, and scale indices of the residual coder. Those of block i begin
- * at i * saga_n_channels. mu and scale index are one half each of the output
- * vector of an entropy network. */
+ * at i * stride, which is 0 if all blocks have the same. mu and scale index are
+ * one half each of the output vector of an entropy network. */
 typedef struct saga_run {
     uint32_t n;
+    uint32_t stride;
     uint32_t rank[SAGA_MAX_POINTS];
     int16_t mu[SAGA_MAX_VECTOR / 2];
     uint8_t scale[SAGA_MAX_VECTOR / 2];

@@ -327,13 +327,15 @@ static void code_features(const saga_scaffold *sc, saga_coder *c, uint32_t rank,
 {
     const saga_model *const m = sc->model;
     const saga_class has = saga_class_of(m, sc->coarse[rank].class);
-    int16_t *const feature = sc->coarse_feature + (size_t)rank * m->features;
+    const uint32_t f = m->features;
+    int16_t *const feature = sc->coarse_feature + (size_t)rank * f;
     saga_at at = saga_at_symbol(SAGA_SYM_FEATURE, rank, 0);
     uint32_t i;
 
-    for (i = 0; i < m->features; i++)
-        feature[i] = i == has.one ? fx_sat16(1 << m->out_q[SAGA_OUT_COARSE])
-                                  : 0;
+    for (i = 0; i < f; i++)
+        feature[i] = 0;
+    if (has.one < f)
+        feature[has.one] = fx_sat16(1 << m->out_q[SAGA_OUT_COARSE]);
     at.column = has.first;
     code_block(feature + has.first, c, at, mu + has.first, scale + has.first,
                m->step_q16[SAGA_STEP_FEATURE], has.n);
@@ -363,7 +365,6 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 {
     const uint32_t n_groups = sc->model->tier[SAGA_TIER_COARSE].n_groups;
-    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_COARSE);
     uint32_t group, rank, i;
     saga_run run;
 
@@ -377,8 +378,8 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
              * together; then each is coded with its parameters. */
             rank = saga_context_run(&run, sc, SAGA_KIND_COARSE, rank, group);
             for (i = 0; i < run.n && !c->error; i++)
-                code_coarse_anchor(sc, c, run.rank[i], run.mu + i * n,
-                                   run.scale + i * n);
+                code_coarse_anchor(sc, c, run.rank[i], run.mu + i * run.stride,
+                                   run.scale + i * run.stride);
             if (c->error)
                 return 0;
             saga_context_keep(sc, SAGA_TIER_COARSE, &run);
@@ -487,7 +488,6 @@ static int number_primitives(const saga_scaffold *sc)
 int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 {
     const uint32_t n_groups = sc->model->tier[SAGA_TIER_FINE].n_groups;
-    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_FINE);
     uint32_t group, rank, i;
     saga_run run;
 
@@ -498,8 +498,8 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
         for (rank = 0; rank < sc->n.fine;) {
             rank = saga_context_run(&run, sc, SAGA_KIND_FINE, rank, group);
             for (i = 0; i < run.n && !c->error; i++)
-                code_fine_anchor(sc, c, run.rank[i], run.mu + i * n,
-                                 run.scale + i * n);
+                code_fine_anchor(sc, c, run.rank[i], run.mu + i * run.stride,
+                                 run.scale + i * run.stride);
             if (c->error)
                 return 0;
             saga_context_keep(sc, SAGA_TIER_FINE, &run);
@@ -545,15 +545,14 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
 
 int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
 {
-    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_PRIM);
     uint32_t rank, i;
     saga_run run;
 
     for (rank = 0; rank < sc->n.fine;) {
         rank = saga_context_run(&run, sc, SAGA_KIND_PRIM, rank, 0);
         for (i = 0; i < run.n && !c->error; i++)
-            code_primitives(sc, c, run.rank[i], run.mu + i * n,
-                            run.scale + i * n);
+            code_primitives(sc, c, run.rank[i], run.mu + i * run.stride,
+                            run.scale + i * run.stride);
         if (c->error)
             return 0;
     }

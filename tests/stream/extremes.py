@@ -113,8 +113,8 @@ PLACES = [
         (B, "a leaf of depth 16 in space and 8 in time",
          "nd->depth_x == 16 && nd->depth_t == 8"),
     ]),
-    ("common/syntax_segment.c", "    const uint32_t n = saga_n_channels("
-     "sc->model, SAGA_KIND_COARSE);\n    uint32_t group, rank, i;\n", [
+    ("common/syntax_segment.c", "sc->model->tier[SAGA_TIER_COARSE]"
+     ".n_groups;\n    uint32_t group, rank, i;\n", [
          (B, "n_groups of coarse anchors is 1", "n_groups == 1"),
          (B, "n_groups of coarse anchors is 15", "n_groups == 15"),
          (B, "n_groups of coarse anchors is 16", "n_groups == 16"),
@@ -145,8 +145,8 @@ PLACES = [
         (A, "the feature that is 1 is 32767",
          "has.one < m->features && m->out_q[SAGA_OUT_COARSE] >= 15"),
     ]),
-    ("common/syntax_segment.c", "    const uint32_t n = saga_n_channels("
-     "sc->model, SAGA_KIND_FINE);\n    uint32_t group, rank, i;\n", [
+    ("common/syntax_segment.c", "sc->model->tier[SAGA_TIER_FINE]"
+     ".n_groups;\n    uint32_t group, rank, i;\n", [
          (B, "n_groups of fine anchors is 15", "n_groups == 15"),
      ]),
     ("common/syntax_segment.c",
@@ -207,7 +207,7 @@ PLACES = [
          "centre < l->window && centre + l->window >= (tier == "
          "SAGA_TIER_COARSE ? sc->n.coarse : sc->n.fine)"),
     ]),
-    ("common/interp.c", "        take_nearest(nb, &s, centre, before);\n", [
+    ("common/interp.c", "    take_nearest(nb, &s, centre, before);\n", [
         (A, "before g: no member", "before != SAGA_ALL_GROUPS && !nb->n"),
         (A, "K is 16, and there are 16 members", "nb->n == 16"),
         (A, "all: the parent is added to the members",
