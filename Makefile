@@ -54,8 +54,8 @@ PYTHONDIR = $(DATADIR)/saga/python
 DESTDIR =
 
 # The inner loops of the decoder are compiled with HOT_OPT.
-HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
-      common/sine_avx2 common/nets common/memory_bank decoder/reconstruct \
+HOT = $(addprefix common/,context fine syntax_segment interp mlp mlp_avx2 \
+                  fx_math sine_avx2 nets memory_bank) decoder/reconstruct \
       $(addprefix decoder/,raster raster_list raster_write blend) \
       $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
       $(addprefix decoder/arch/splats_,avx2 neon)
