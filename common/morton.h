@@ -8,16 +8,16 @@
 
 #include <stdint.h>
 
-/* Returns the coordinate of `axis` (0..3: x, y, z, t) in a suffix of 4 * bits
- * bits. */
-static inline uint32_t saga_morton_axis(uint32_t suffix, uint32_t bits,
-                                        uint32_t axis)
+/* Returns the coordinate of `axis` (0..3: x, y, z, t) in a suffix, whose bits
+ * above its 4 B are 0. */
+static inline uint32_t saga_morton_axis(uint32_t suffix, uint32_t axis)
 {
-    uint32_t v = 0, i;
+    uint32_t v = suffix >> (3 - axis) & 0x11111111u;
 
-    for (i = 0; i < bits; i++)
-        v |= (suffix >> (4 * i + 3 - axis) & 1u) << i;
-    return v;
+    /* Bits that are 4 apart close up to pairs, then to fours, then to eight. */
+    v = (v | v >> 3) & 0x03030303u;
+    v = (v | v >> 6) & 0x000f000fu;
+    return (v | v >> 12) & 255u;
 }
 
 /* Returns the suffix of the coordinates v[0..3], which have `bits` bits each;

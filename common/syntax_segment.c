@@ -139,7 +139,7 @@ static void suffix_centre(int16_t offset_q14[4], uint32_t suffix, uint32_t bits)
     uint32_t axis;
 
     for (axis = 0; axis < 4; axis++) {
-        const uint32_t v = saga_morton_axis(suffix, bits, axis);
+        const uint32_t v = saga_morton_axis(suffix, axis);
 
         offset_q14[axis] = (int16_t)((int32_t)((2 * v + 1) << (14 - bits)) -
                                      16384);
@@ -401,7 +401,7 @@ static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
     uint32_t v[4], i;
 
     for (i = 0; i < 4; i++)
-        v[i] = saga_morton_axis(suffix, l->suffix_bits, i);
+        v[i] = saga_morton_axis(suffix, i);
     a->group = (uint8_t)saga_morton_group(v, n_groups);
     a->parent = parent;
     suffix_centre(a->local, suffix, l->suffix_bits);

@@ -188,7 +188,10 @@ static void set_colours(int16_t *colours, uint32_t stride,
     uint16_t colour_q15[3];
     uint32_t i, k;
 
-    saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
+    /* F_geo has the same inputs. If both have one format, they are still there.
+     */
+    if (sc->model->q_in[SAGA_NET_COLOUR_BASE] != sc->model->q_in[SAGA_NET_GEO])
+        saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     correct(sc, SAGA_NET_COLOUR_BASE, r, geo->dim[geo->n_layers]);
     colours += (size_t)r->first * stride;

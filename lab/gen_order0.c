@@ -102,14 +102,13 @@ static void add_tree(order0_row *row, const ref_file *f)
     free(v);
 }
 
-static void add_suffixes(order0_row *row, const uint32_t *suffix, uint32_t n,
-                         uint32_t bits)
+static void add_suffixes(order0_row *row, const uint32_t *suffix, uint32_t n)
 {
     FREED int32_t *const v = must(calloc(4 * (size_t)n + 1, sizeof *v));
 
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t axis = 0; axis < 4; axis++)
-            v[4 * (size_t)i + axis] = (int32_t)saga_morton_axis(suffix[i], bits,
+            v[4 * (size_t)i + axis] = (int32_t)saga_morton_axis(suffix[i],
                                                                 axis);
     add_channels(row, v, 4, n);
 }
@@ -132,7 +131,6 @@ int order0_is_structure(saga_component c)
 
 void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
 {
-    const saga_tier *const l = f->h.model.tier;
     double saga[SAGA_N_COMPONENTS];
 
     saga_cost_components(saga, f->bits);
@@ -143,10 +141,10 @@ void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
     add_values(&row[SAGA_COMPONENT_CENTRE], f, SAGA_STEP_CENTRE);
     add_values(&row[SAGA_COMPONENT_FEATURE], f, SAGA_STEP_FEATURE);
     add_suffixes(&row[SAGA_COMPONENT_FINE_SUFFIX], f->s.fine_suffix,
-                 f->s.n.fine, l[SAGA_TIER_COARSE].suffix_bits);
+                 f->s.n.fine);
     add_values(&row[SAGA_COMPONENT_FINE_OFFSET], f, SAGA_STEP_FINE);
     add_counts(&row[SAGA_COMPONENT_N_PRIM], f);
     add_suffixes(&row[SAGA_COMPONENT_PRIM_SUFFIX], f->s.prim_suffix,
-                 f->s.n.prim, l[SAGA_TIER_FINE].suffix_bits);
+                 f->s.n.prim);
     add_values(&row[SAGA_COMPONENT_PRIM_OFFSET], f, SAGA_STEP_PRIM);
 }

@@ -49,7 +49,6 @@ typedef struct {
 static void set_structure(saga_scene *s, const ref_file *in)
 {
     const saga_tier *const l = s->model.tier;
-    const uint32_t bits = l[SAGA_TIER_COARSE].suffix_bits;
     uint32_t v[4];
 
     memcpy(s->split, in->s.split, s->n_nodes);
@@ -67,7 +66,7 @@ static void set_structure(saga_scene *s, const ref_file *in)
     }
     for (uint32_t i = 0; i < s->n.fine; i++) {
         for (uint32_t k = 0; k < 4; k++)
-            v[k] = saga_morton_axis(in->s.fine_suffix[i], bits, k);
+            v[k] = saga_morton_axis(in->s.fine_suffix[i], k);
         s->fine[i].group = (uint8_t)saga_morton_group(
             v, l[SAGA_TIER_FINE].n_groups);
         for (uint32_t k = 0; k < s->fine[i].n_prim; k++)

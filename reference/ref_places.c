@@ -36,8 +36,7 @@ void ref_move(double x[4], const double support[4], const double o[4])
 
 double ref_suffix_axis(uint32_t suffix, uint32_t bits, uint32_t axis)
 {
-    return ldexp(2.0 * saga_morton_axis(suffix, bits, axis) + 1, -(int)bits) -
-           1;
+    return ldexp(2.0 * saga_morton_axis(suffix, axis) + 1, -(int)bits) - 1;
 }
 
 void ref_fine_suffix(double o[4], const ref_scene *s, uint32_t rank)

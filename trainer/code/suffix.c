@@ -22,7 +22,5 @@ uint32_t saga_suffix_of(const double o[4], uint32_t bits)
 
 double saga_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis)
 {
-    return (2 * saga_morton_axis(suffix, bits, axis) + 1) /
-               (double)(1u << bits) -
-           1;
+    return (2 * saga_morton_axis(suffix, axis) + 1) / (double)(1u << bits) - 1;
 }
