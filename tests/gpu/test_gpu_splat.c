@@ -375,6 +375,53 @@ TEST(teachers_should_draw_as_on_the_host)
     free_fixture(g);
 }
 
+/* --- Steps --------------------------------------------------------------- */
+
+/* Primitives that do not rotate have no slopes, whose place in the block is
+ * that of others. If centres in time alone learn, what does not move on a path
+ * must stay, bit by bit. */
+TEST(a_step_should_not_turn_what_has_no_slope)
+{
+    world *const w = world_of(state);
+    enum { STEPPED = 700 };
+    fixture *const f = new_fixture(STEPPED, W, H, 3, 3);
+    FREED_BY(saga_params_free) saga_splat_params after = scene_alloc(STEPPED);
+    FREED_BY(saga_params_free) saga_splat_params both = scene_alloc(STEPPED);
+    const saga_sample sample = { .view = w->pictures.train[0], .frame = 1 };
+    const saga_splat_camera camera = f->c.camera;
+    const saga_adam adam = saga_adam_default();
+    saga_gpu_rules rules = { .adam = &adam, .step = 1 };
+    FREED real *const zero = zeroed(3 * STEPPED, sizeof *zero);
+    FREED uint32_t *const seen = zeroed(STEPPED, sizeof *seen);
+    saga_splat_params p = f->p, to = after, moments = both;
+    saga_gpu_set set = { .n = STEPPED,
+                         .stats = { zero, zero + STEPPED, seen },
+                         .worth = zero + 2 * STEPPED };
+    saga_gpu_canvas *g;
+    double mse;
+
+    p.slope = to.slope = moments.slope = NULL;
+    set.value = p;
+    set.m = set.v = moments;
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        rules.lo[a] = -1000;
+        rules.hi[a] = 1000;
+    }
+    rules.rate[SAGA_ATTR_T_CENTRE] = R(0.01);
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_show(g, &f->c, sample, &error));
+    f->c.camera = camera;
+    assert_done(saga_gpu_put(g, &set, &error));
+    assert_done(saga_gpu_step(g, &mse, &f->c, &rules, &error));
+    set.value = to;
+    assert_done(saga_gpu_get(g, &set, &error));
+    assert_memory_not_equal(to.t_centre, p.t_centre, STEPPED * sizeof(real));
+    assert_memory_equal(to.quat, p.quat, 4 * STEPPED * sizeof(real));
+    assert_memory_equal(to.log2_width, p.log2_width, STEPPED * sizeof(real));
+    saga_gpu_canvas_free(g);
+    free_fixture(f);
+}
+
 /* --- Trainings ----------------------------------------------------------- */
 
 static double train(saga_flat **f, const world *w, saga_gpu *gpu,

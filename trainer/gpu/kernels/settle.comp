@@ -49,9 +49,14 @@ void take_step(uint i)
     }
 }
 
+bool has(uint attr)
+{
+    return (f.attrs >> attr & 1) != 0;
+}
+
 void bound(uint i, uint a)
 {
-    for (uint k = 0; (f.attrs >> a & 1) != 0 && k < f.attr_width[a]; k++) {
+    for (uint k = 0; has(a) && k < f.attr_width[a]; k++) {
         const uint at = f.attr_at[a] + f.attr_width[a] * i + k;
 
         value[at] = clamp(value[at], f.lo[a], f.hi[a]);
@@ -85,7 +90,7 @@ void keep_path(uint i)
         value[at + 3] = ratio * ratio * (3 * b3 * late + b2);
         value[at + 6] = ratio * ratio * ratio * b3;
     }
-    for (uint a = 0; a < 4; a++) {
+    for (uint a = 0; has(SLOPE) && a < 4; a++) {
         value[quat_at + a] += late * value[slope_at + a];
         value[slope_at + a] *= ratio;
     }
@@ -102,7 +107,7 @@ void main()
     take_step(i);
     bound(i, T_CENTRE);
     bound(i, LOG2_WIDTH);
-    if ((f.attrs >> T_CENTRE & 1) != 0)
+    if (has(T_CENTRE))
         keep_path(i);
     for (uint a = 0; a < N_ATTRS; a++)
         bound(i, a);
