@@ -145,19 +145,29 @@ static void copy_constants(saga_rate_constants *to,
            nbytes);
 }
 
+/* Returns a training on the host that has stopped before the iteration, and
+ * leaves its checkpoint. */
+static saga_train *stopped(const world *w, saga_train_options *o,
+                           const variant *v)
+{
+    tiny_stop stop = { .stage = SAGA_TRAIN_RENDER, .iteration = v->iteration };
+
+    *o = tiny_options(N, TINY_WARM, RENDER);
+    o->ablate = v->ablate;
+    o->checkpoint = w->t.checkpoint;
+    return tiny_train_until(&w->t.capture, o, &stop);
+}
+
 static bool agree(world *w, const variant *v)
 {
-    saga_train_options o = tiny_options(N, TINY_WARM, RENDER);
-    tiny_stop stop = { .stage = SAGA_TRAIN_RENDER, .iteration = v->iteration };
-    saga_train *host, *away;
+    saga_train_options o;
+    saga_train *const host = stopped(w, &o, v);
+    saga_train *away;
     double mse[2];
     real *m;
     saga_fit *f, *g;
     bool ok;
 
-    o.ablate = v->ablate;
-    o.checkpoint = w->t.checkpoint;
-    host = tiny_train_until(&w->t.capture, &o, &stop);
     o.gpu = w->gpu;
     away = tiny_resume(&w->t.capture, &o);
     f = host->render.fit;
@@ -196,6 +206,80 @@ TEST(an_iteration_should_be_that_of_the_host)
     for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
         ok = agree(w, &variants[i]) && ok;
     assert_true(ok);
+}
+
+/* --- Lists --------------------------------------------------------------- */
+
+/* Does an iteration on the device. Returns how many lists of commands it
+ * takes. */
+static uint64_t n_lists_of(saga_fit *f, saga_gpu *gpu)
+{
+    const uint64_t before = saga_gpu_n_lists(gpu);
+    double mse;
+
+    assert_true(saga_fit_can_stay(f));
+    assert_done(saga_fit_iterate(f, &mse, &error));
+    return saga_gpu_n_lists(gpu) - before;
+}
+
+static void assert_same(const real *x, const real *y, size_t n)
+{
+    assert_memory_equal(x, y, n * sizeof *x);
+}
+
+/* Compares all that two fits have after an iteration. */
+static void assert_same_fits(saga_fit *a, saga_fit *b)
+{
+    const saga_scene *const s = a->scene;
+    const size_t n = s->n.prim, f = s->model.features;
+
+    assert_done(saga_fit_bring(a, &error));
+    assert_done(saga_fit_bring(b, &error));
+    assert_memory_equal(a->bits, b->bits, sizeof a->bits);
+    assert_same(s->reals, b->scene->reals, s->n_reals);
+    assert_same(a->descent.m, b->descent.m, s->n_reals);
+    assert_same(a->descent.v, b->descent.v, s->n_reals);
+    assert_same(a->descent.blocks, b->descent.blocks,
+                saga_block_adam_size(n, a->descent.width));
+    assert_same(a->twin.support, b->twin.support, 4 * n);
+    assert_same(a->rate.mu_feature, b->rate.mu_feature, n * f);
+    assert_same(a->rate.mu_offset, b->rate.mu_offset, 4 * n);
+}
+
+/* Two fits from one checkpoint, of which the second has too little room for
+ * pairs in each of its iterations, so that each runs a second time. */
+static void run_again(const world *w, const variant *v)
+{
+    saga_train_options o;
+    saga_train *pair[3] = { stopped(w, &o, v) };
+    saga_fit *f, *g;
+
+    o.gpu = w->gpu;
+    for (int i = 1; i < 3; i++)
+        pair[i] = tiny_resume(&w->t.capture, &o);
+    f = pair[1]->render.fit;
+    g = pair[2]->render.fit;
+    for (int i = 0; i < 2; i++) {
+        /* In the first iteration anchors go to the device. */
+        const uint64_t once = n_lists_of(f, w->gpu);
+
+        g->gpu->most_pairs = 64;
+        assert_int_equal(n_lists_of(g, w->gpu), once + 1);
+        assert_true(i == 0 || once == 1);
+    }
+    assert_same_fits(f, g);
+    for (int i = 0; i < 3; i++)
+        saga_train_free(pair[i]);
+}
+
+TEST(an_iteration_should_be_one_list_and_run_again_to_the_same_bits)
+{
+    const world *const w = *state;
+
+    if (!w->gpu)
+        skip();
+    for (size_t i = 0; i < sizeof variants / sizeof variants[0]; i++)
+        run_again(w, &variants[i]);
 }
 
 /* Returns how many dB the device's rendering stage ends above the host's, from

@@ -8,6 +8,7 @@
  */
 #include "fit_away.h"
 #include "gpu_spoil.h"
+#include "gpu_stages.h"
 #include "gpu_ways.h"
 #include "gpu_world.h"
 #include "near.h"
@@ -177,13 +178,45 @@ static void on_host(result *r, saga_canvas *c, const saga_scene *s, uint32_t n)
     saga_twin_backward(&r->w, &r->d, s);
 }
 
+/* Runs the networks of the first n primitives before and after a picture. */
+static void learn(double *mse, saga_gpu_canvas *g, const saga_canvas *c,
+                  const saga_away *a, uint32_t n)
+{
+    saga_gpu_pass pass = { .canvas = c };
+    saga_gpu_ways w = { .n_up = 0 };
+    saga_gpu_prims_run run;
+    saga_away_prims p;
+    saga_error failure = { "" };
+
+    saga_away_list_prims(&p, a, n);
+    saga_gpu_list_prims(&run, &w, &p.to);
+    saga_gpu_set_frame(g, c, p.to.attrs, n);
+    assert_done(saga_gpu_prims_room(g, &run, &error));
+    assert_done(saga_gpu_ways_room(g, w.up, w.n_up, "networks", &error));
+    assert_done(saga_gpu_ways_back(g, w.down, w.n_down, "networks", &error));
+    saga_gpu_ways_pack(g, w.up, w.n_up);
+    while (saga_gpu_begin_pass(&pass, g, &failure)) {
+        saga_gpu_ways_send(g, w.up, w.n_up);
+        saga_gpu_prims_forward(g, &run);
+        saga_gpu_record_lists(g);
+        saga_gpu_record_truth(g);
+        saga_gpu_record_tiles(g);
+        saga_gpu_record_back(g);
+        saga_gpu_record_sums(g, 0);
+        saga_gpu_prims_backward(g, &run);
+        saga_gpu_ways_fetch(g, w.down, w.n_down);
+        saga_gpu_end_pass(&pass, g, &failure);
+    }
+    assert_true(pass.is_done);
+    saga_gpu_ways_take(g, w.down, w.n_down);
+    *mse = saga_gpu_mse(g, c);
+}
+
 /* Takes what the networks read to the device, and the gradients back. */
 static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
                    const saga_canvas *c, const saga_scene *s, uint32_t n)
 {
-    const saga_away a = {
-        .twin = &r->w, .scene = s, .d = &r->d, .size_price = SIZE_PRICE
-    };
+    const saga_away a = { .scene = s, .d = &r->d, .size_price = SIZE_PRICE };
     const size_t f = (size_t)N * FEATURES, zeros = f > 4 * N ? f : 4 * N;
     FREED real *const zero = zeroed(zeros, sizeof *zero);
     real level[2 * N], most[N], limit[N];
@@ -210,7 +243,7 @@ static void on_gpu(result *r, saga_gpu_canvas *g, saga_gpu *gpu,
     saga_away_limits(limit, most, level, N);
     assert_true(saga_away_can(gpu, &a));
     assert_done(saga_gpu_ways_put(g, up, 9, "values", &error));
-    assert_done(saga_away_learn(g, &r->mse, &a, n, c, &error));
+    learn(&r->mse, g, c, &a, n);
     assert_done(saga_gpu_ways_get(g, down, 3, "gradients", &error));
 }
 

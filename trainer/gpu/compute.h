@@ -116,6 +116,9 @@ void saga_gpu_fill(saga_gpu *gpu, const saga_gpu_buffer *buffer, size_t at,
  * or the device is lost. */
 bool saga_gpu_finish(saga_gpu *gpu, saga_error *error);
 
+/* Returns how many lists were submitted so far. */
+uint64_t saga_gpu_n_lists(const saga_gpu *gpu);
+
 /* Times of kernels, for benchmarks. Switched on, every job is
  * timed; the sums since then are by kernel, in seconds. */
 void saga_gpu_time(saga_gpu *gpu, bool on);
@@ -143,7 +146,7 @@ double saga_gpu_seconds(const saga_gpu *gpu, int kernel, uint64_t *n_runs);
     X(SUMS, sums, 4)                       \
     X(SETTLE, settle, 6)                   \
     X(BLOCKS_REMEMBER, blocks_remember, 4) \
-    X(BLOCKS_TURN, blocks_turn, 1)         \
+    X(BLOCKS_TURN, blocks_turn, 4)         \
     X(BLOCKS_STEP, blocks_step, 5)         \
     X(DENSE_FORWARD, dense_forward, 3)     \
     X(DENSE_BACK, dense_back, 4)           \

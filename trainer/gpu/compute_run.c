@@ -370,10 +370,16 @@ bool saga_gpu_finish(saga_gpu *g, saga_error *error)
         saga_gpu_ok(g, g->vk.vkResetFences(g->device, 1, &g->fence)) &&
         saga_gpu_ok(g, g->vk.vkQueueSubmit(g->queue, 1, &submit, g->fence)) &&
         saga_gpu_ok(g, wait_for_fence(g))) {
+        g->n_lists++;
         add_times(g);
         return true;
     }
     return saga_gpu_failed(g, error);
+}
+
+uint64_t saga_gpu_n_lists(const saga_gpu *g)
+{
+    return g->n_lists;
 }
 
 void saga_gpu_time(saga_gpu *g, bool on)

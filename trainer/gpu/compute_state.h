@@ -20,7 +20,7 @@
 
 #include <volk.h>
 
-enum { SAGA_GPU_MOST_JOBS = 256 }; /* between begin and finish */
+enum { SAGA_GPU_MOST_JOBS = 512 }; /* between begin and finish */
 
 struct saga_gpu {
     VkInstance instance;
@@ -41,6 +41,8 @@ struct saga_gpu {
 
     bool is_counting;         /* buffers get no memory */
     uint64_t held, most_held; /* bytes of the device's own memory */
+
+    uint64_t n_lists; /* that were submitted */
 
     VkResult status;  /* the first failure, or VK_SUCCESS */
     bool is_too_long; /* more jobs than SAGA_GPU_MOST_JOBS were recorded */

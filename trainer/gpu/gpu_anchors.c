@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "gpu_anchors.h"
-
 #include "gpu_columns.h"
-#include "gpu_layers.h"
+#include "gpu_stages.h"
 
 #include <float.h>
 #include <math.h>
@@ -86,18 +84,34 @@ bool saga_gpu_anchors_get(saga_gpu_canvas *g, const saga_gpu_anchors *a,
     return saga_gpu_ways_get(g, moving, N_MOVING, what, error);
 }
 
+bool saga_gpu_anchors_room(saga_gpu_canvas *g, uint32_t n, size_t features,
+                           saga_error *error)
+{
+    const saga_gpu_anchors a = { .n = n, .features = features };
+    saga_gpu_way moving[N_MOVING];
+
+    list_moving(moving, &a);
+    return put_room(g, &a, error) &&
+           saga_gpu_ways_back(g, moving, N_MOVING, what, error);
+}
+
 /* --- Forward ------------------------------------------------------------- */
 
-static saga_gpu_layers layers_of(const saga_gpu_turn *t)
+void saga_gpu_list_turn(saga_gpu_turn_run *s, saga_gpu_ways *ways,
+                        const saga_gpu_turn *t, saga_gpu_blocks *b)
 {
-    saga_gpu_layers s = saga_gpu_layers_of(t->n, SAGA_GPU_FINE_LAYER, t->base);
+    size_t at = t->base;
 
-    saga_gpu_layers_append(&s, t->fine,
+    *s = (saga_gpu_turn_run){ .t = t,
+                              .b = b,
+                              .layers = saga_gpu_layers_of(
+                                  t->n, SAGA_GPU_FINE_LAYER, t->base) };
+    saga_gpu_layers_append(&s->layers, t->fine,
                            (saga_gpu_layer){ .x = GPU_FINE_IN,
                                              .d_x = GPU_D_COARSE,
                                              .how_back = SAGA_GPU_ADD,
                                              .n_cols = (uint32_t)t->features });
-    return s;
+    saga_gpu_layers_ways(ways, &at, t->fine, t->d_fine);
 }
 
 static void record_features(saga_gpu_canvas *g, const saga_gpu_blocks *b,
@@ -161,15 +175,10 @@ static void record_fine(saga_gpu_canvas *g, const saga_gpu_layers *s,
         push, 4);
 }
 
-static void clear(saga_gpu_canvas *g, int buffer, size_t n)
+bool saga_gpu_turn_room(saga_gpu_canvas *g, const saga_gpu_turn_run *s,
+                        saga_error *error)
 {
-    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
-}
-
-static bool make_room(saga_gpu_canvas *g, const saga_gpu_layers *s,
-                      const saga_gpu_turn *t, saga_error *error)
-{
-    const size_t n = t->n, f = n * t->features;
+    const size_t n = s->t->n, f = n * s->t->features;
     const int kind = SAGA_KIND_PRIM;
     const saga_gpu_need need[] = {
         { GPU_COARSE, GPU_D_COARSE, f },
@@ -180,40 +189,37 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_layers *s,
         { GPU_D_OFFSET, GPU_D_OFFSET, 4 * n },
         { GPU_SIZE + kind, GPU_SIZE + kind, 5 * n },
         { GPU_VALUE4 + kind, GPU_VALUE4 + kind, 4 * n },
-        { GPU_FINE_IN, GPU_FINE_IN, n * s->list[0].n_in }
+        { GPU_FINE_IN, GPU_FINE_IN, n * s->layers.list[0].n_in }
     };
 
     return SAGA_GPU_ROOMS(g, need, what, error) &&
-           saga_gpu_layers_room(g, s, what, error);
+           saga_gpu_layers_room(g, &s->layers, what, error);
 }
 
-bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,
-                              const saga_gpu_turn *t, saga_error *error)
+void saga_gpu_turn_forward(saga_gpu_canvas *g, const saga_gpu_turn_run *s)
 {
-    const saga_gpu_layers s = layers_of(t);
-    const size_t n = t->n;
-    saga_gpu_way up, down;
-    size_t at = t->base;
-
-    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
-    if (!make_room(g, &s, t, error) ||
-        !saga_gpu_ways_room(g, &up, 1, what, error))
-        return false;
-    saga_gpu_ways_pack(g, &up, 1);
-    saga_gpu_begin(g->gpu);
-    saga_gpu_ways_send(g, &up, 1);
-    record_features(g, b, t);
+    record_features(g, s->b, s->t);
     /* Positions are in supports of the iteration before. */
-    record_places(g, t);
-    record_fine(g, &s, t);
-    /* A picture may be of the first primitives only. */
-    clear(g, GPU_D_FEATURE, n * t->features);
-    clear(g, GPU_D_PLACE, 4 * n);
-    clear(g, GPU_D_LOG2, 4 * n);
-    return saga_gpu_finish(g->gpu, error);
+    record_places(g, s->t);
+    record_fine(g, &s->layers, s->t);
 }
 
 /* --- Backward ------------------------------------------------------------ */
+
+static void clear(saga_gpu_canvas *g, int buffer, size_t n)
+{
+    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
+}
+
+void saga_gpu_turn_clear(saga_gpu_canvas *g, const saga_gpu_turn_run *s)
+{
+    const size_t n = s->t->n;
+
+    /* A picture may be of the first primitives only. */
+    clear(g, GPU_D_FEATURE, n * s->t->features);
+    clear(g, GPU_D_PLACE, 4 * n);
+    clear(g, GPU_D_LOG2, 4 * n);
+}
 
 static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
                             const saga_gpu_layers *s, const saga_gpu_turn *t)
@@ -249,52 +255,17 @@ static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
     saga_gpu_run(g->gpu, &job);
 }
 
-bool saga_gpu_anchors_backward(saga_gpu_canvas *g, saga_gpu_blocks *b,
-                               const saga_gpu_turn *t, saga_error *error)
+void saga_gpu_turn_backward(saga_gpu_canvas *g, const saga_gpu_turn_run *s)
 {
-    const saga_gpu_layers s = layers_of(t);
-    saga_gpu_way up, down;
-    size_t at = t->base;
+    const saga_gpu_turn *const t = s->t;
 
-    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
-    if (!saga_gpu_blocks_room(b, t->blocks, error) ||
-        !saga_gpu_ways_room(g, &up, 1, what, error) ||
-        !saga_gpu_ways_back(g, &down, 1, what, error))
-        return false;
-    /* The rate may have made the buffer of parameters larger, which lost them.
-     */
-    saga_gpu_ways_pack(g, &up, 1);
-    saga_gpu_begin(g->gpu);
-    saga_gpu_ways_send(g, &up, 1);
-    saga_gpu_blocks_begin(b);
-    record_learning(g, b, &s, t);
-    saga_gpu_layers_backward(g, &s, 0, s.n);
-    saga_gpu_layers_sum(g, &s);
-    saga_gpu_blocks_record(b, t->blocks, t->adam, t->step,
+    saga_gpu_blocks_begin(s->b, &g->on[GPU_TOTAL],
+                          SAGA_GPU_IS_FULL * sizeof(uint32_t));
+    record_learning(g, s->b, &s->layers, t);
+    saga_gpu_layers_backward(g, &s->layers, 0, s->layers.n);
+    saga_gpu_layers_sum(g, &s->layers);
+    saga_gpu_blocks_record(s->b, t->blocks, t->adam, t->step,
                            &g->on[GPU_D_COARSE]);
-    saga_gpu_ways_fetch(g, &down, 1);
-    if (!saga_gpu_finish(g->gpu, error) ||
-        !saga_gpu_blocks_are_sound(b, t->step, error))
-        return false;
-    saga_gpu_ways_take(g, &down, 1);
-    return true;
-}
-
-/* --- Room ---------------------------------------------------------------- */
-
-bool saga_gpu_anchors_room(saga_gpu_canvas *g, const saga_gpu_turn *t,
-                           saga_error *error)
-{
-    const saga_gpu_anchors a = { .n = t->n, .features = t->features };
-    const saga_gpu_layers s = layers_of(t);
-    saga_gpu_way moving[N_MOVING], up, down;
-    size_t at = t->base;
-
-    list_moving(moving, &a);
-    saga_gpu_layers_ways(&up, &down, &at, t->fine, t->d_fine);
-    return put_room(g, &a, error) &&
-           saga_gpu_ways_back(g, moving, N_MOVING, what, error) &&
-           make_room(g, &s, t, error) &&
-           saga_gpu_ways_room(g, &up, 1, what, error) &&
-           saga_gpu_ways_back(g, &down, 1, what, error);
+    if (t->looks)
+        saga_gpu_blocks_fetch(s->b, t->blocks);
 }

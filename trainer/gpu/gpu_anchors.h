@@ -4,9 +4,7 @@
  * for scenes whose coarse anchor i has fine anchor i alone, and that primitive
  * i: what scene/twin.h and train/fit do with features, positions and supports
  * before the networks of primitives and after the rate.
- *
- * An iteration is saga_gpu_anchors_forward, saga_gpu_learn_prims, saga_gpu_rate
- * and saga_gpu_anchors_backward.
+ * gpu_iterate.h has the iteration.
  */
 #ifndef SAGA_GPU_ANCHORS_H
 #define SAGA_GPU_ANCHORS_H
@@ -49,6 +47,7 @@ typedef struct saga_gpu_turn {
     uint64_t step; /* number of the step, from 1 on */
     real prim_rate;
     const saga_block_adam *blocks;
+    bool looks; /* blocks->x comes back after the step */
 } saga_gpu_turn;
 
 /* Copy what stays to the device, and what steps have changed back. */
@@ -57,19 +56,8 @@ bool saga_gpu_anchors_put(saga_gpu_canvas *g, const saga_gpu_anchors *a,
 bool saga_gpu_anchors_get(saga_gpu_canvas *g, const saga_gpu_anchors *a,
                           saga_error *error);
 
-/* Sets the features, positions and supports of an iteration. */
-bool saga_gpu_anchors_forward(saga_gpu_canvas *g, const saga_gpu_blocks *b,
-                              const saga_gpu_turn *t, saga_error *error);
-
-/* Takes the gradients of picture and rate back, adds those of F_fine to
- * t->d_fine, and does the steps of features and positions. Fails too if a
- * number is not finite. */
-bool saga_gpu_anchors_backward(saga_gpu_canvas *g, saga_gpu_blocks *b,
-                               const saga_gpu_turn *t, saga_error *error);
-
-/* Makes what these need, for a plan (gpu_splat.h). Of a turn only n, features,
- * base and the shape of F_fine count. */
-bool saga_gpu_anchors_room(saga_gpu_canvas *g, const saga_gpu_turn *t,
+/* Makes what these need for n anchors, for a plan (gpu_splat.h). */
+bool saga_gpu_anchors_room(saga_gpu_canvas *g, uint32_t n, size_t features,
                            saga_error *error);
 
 #endif

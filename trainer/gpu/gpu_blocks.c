@@ -18,7 +18,7 @@ typedef struct {
 } push;
 
 /* Words of the flag. */
-enum { IS_UNSOUND, N_FLAGS };
+enum { IS_UNSOUND, IS_IDLE, N_FLAGS };
 
 struct saga_gpu_blocks {
     saga_gpu *gpu;
@@ -179,9 +179,13 @@ bool saga_gpu_blocks_room(saga_gpu_blocks *s, const saga_block_adam *b,
     return make_room(s, b, &s->down, flags_nbytes + rows_nbytes(b), error);
 }
 
-void saga_gpu_blocks_begin(saga_gpu_blocks *s)
+void saga_gpu_blocks_begin(saga_gpu_blocks *s, const saga_gpu_buffer *unless,
+                           size_t at)
 {
     saga_gpu_fill(s->gpu, &s->flag, 0, flags_nbytes, 0);
+    if (unless)
+        saga_gpu_copy(s->gpu, &s->flag, IS_IDLE * sizeof(uint32_t), unless, at,
+                      sizeof(uint32_t));
 }
 
 static void record(saga_gpu_blocks *s, int kernel, const push *p, size_t groups,
@@ -222,12 +226,12 @@ bool saga_gpu_blocks_are_sound(const saga_gpu_blocks *s, uint64_t step,
                      (unsigned long long)step);
 }
 
-static void copy_rows(saga_gpu_blocks *s, const saga_block_adam *b)
+void saga_gpu_blocks_fetch(saga_gpu_blocks *s, const saga_block_adam *b)
 {
     saga_gpu_copy(s->gpu, &s->down, flags_nbytes, &s->x, 0, rows_nbytes(b));
 }
 
-static void take_rows(const saga_gpu_blocks *s, const saga_block_adam *b)
+void saga_gpu_blocks_take(const saga_gpu_blocks *s, const saga_block_adam *b)
 {
     memcpy(b->x, (const char *)s->down.map + flags_nbytes, rows_nbytes(b));
 }
@@ -244,13 +248,13 @@ bool saga_gpu_blocks_step(saga_gpu_blocks *s, const saga_block_adam *b,
     memcpy(s->up.map, b->g, rows);
     saga_gpu_begin(s->gpu);
     saga_gpu_copy(s->gpu, &s->g, 0, &s->up, 0, rows);
-    saga_gpu_blocks_begin(s);
+    saga_gpu_blocks_begin(s, NULL, 0);
     saga_gpu_blocks_record(s, b, adam, step, &s->g);
-    copy_rows(s, b);
+    saga_gpu_blocks_fetch(s, b);
     if (!saga_gpu_finish(s->gpu, error) ||
         !saga_gpu_blocks_are_sound(s, step, error))
         return false;
-    take_rows(s, b);
+    saga_gpu_blocks_take(s, b);
     return true;
 }
 
@@ -272,10 +276,10 @@ bool saga_gpu_blocks_look(saga_gpu_blocks *s, const saga_block_adam *b,
     if (!saga_gpu_blocks_room(s, b, error))
         return false;
     saga_gpu_begin(s->gpu);
-    copy_rows(s, b);
+    saga_gpu_blocks_fetch(s, b);
     if (!saga_gpu_finish(s->gpu, error))
         return false;
-    take_rows(s, b);
+    saga_gpu_blocks_take(s, b);
     return true;
 }
 

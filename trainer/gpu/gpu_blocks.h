@@ -38,19 +38,25 @@ bool saga_gpu_blocks_step(saga_gpu_blocks *blocks, const saga_block_adam *b,
 /* --- Parts of a step, whose gradients are on the device ------------------- */
 
 /* Makes room for a step, before commands are recorded. Then commands: begin
- * precedes all that may raise the flag, and record does the step with gradients
- * (blocks, stride). After the list, are_sound tells whether all numbers were
- * finite. */
+ * precedes all that may raise the flag; record does the step with gradients
+ * (blocks, stride), unless the word at byte `at` of a buffer, which may be
+ * NULL, is not 0; and fetch copies the blocks. After the list, are_sound tells
+ * whether all numbers were finite, and take sets b->x to what was fetched. */
 bool saga_gpu_blocks_room(saga_gpu_blocks *blocks, const saga_block_adam *b,
                           saga_error *error);
-void saga_gpu_blocks_begin(saga_gpu_blocks *blocks);
+void saga_gpu_blocks_begin(saga_gpu_blocks *blocks,
+                           const saga_gpu_buffer *unless, size_t at);
 void saga_gpu_blocks_record(saga_gpu_blocks *blocks, const saga_block_adam *b,
                             const saga_adam *adam, uint64_t step,
                             const saga_gpu_buffer *gradients);
+void saga_gpu_blocks_fetch(saga_gpu_blocks *blocks, const saga_block_adam *b);
 bool saga_gpu_blocks_are_sound(const saga_gpu_blocks *blocks, uint64_t step,
                                saga_error *error);
+void saga_gpu_blocks_take(const saga_gpu_blocks *blocks,
+                          const saga_block_adam *b);
 
-/* Return the blocks (blocks, stride), and a word that kernels may set to 1. */
+/* Return the blocks (blocks, stride), and two words: kernels may set the first
+ * to 1, and do no step if the second is not 0. */
 const saga_gpu_buffer *saga_gpu_blocks_rows(const saga_gpu_blocks *blocks);
 const saga_gpu_buffer *saga_gpu_blocks_flag(const saga_gpu_blocks *blocks);
 

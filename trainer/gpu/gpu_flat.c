@@ -135,6 +135,7 @@ static void record_step(saga_gpu_canvas *g)
 {
     const size_t groups = saga_gpu_groups(g->frame.n_own);
 
+    saga_gpu_record_lists(g);
     saga_gpu_record_truth(g);
     saga_gpu_record_tiles(g);
     saga_gpu_record_back(g);
@@ -168,18 +169,23 @@ static void set_rules(saga_gpu_frame *f, const saga_gpu_rules *r)
 bool saga_gpu_step(saga_gpu_canvas *g, double *mse, const saga_canvas *c,
                    const saga_gpu_rules *rules, saga_error *error)
 {
+    saga_gpu_pass pass = { .canvas = c };
     const uint32_t *total;
 
     saga_gpu_set_frame(g, c, g->attrs, g->n_set);
     set_rules(&g->frame, rules);
     g->n_from = 0;
     if (!saga_gpu_grow(&g->down, g->gpu, SAGA_GPU_N_TOTALS * sizeof *total,
-                       SAGA_GPU_DOWN, what, error) ||
-        !saga_gpu_pass(g, c, record_step, error))
+                       SAGA_GPU_DOWN, what, error))
+        return false;
+    while (saga_gpu_begin_pass(&pass, g, error)) {
+        record_step(g);
+        saga_gpu_end_pass(&pass, g, error);
+    }
+    if (!pass.is_done)
         return false;
     total = g->down.map;
-    *mse = (double)saga_gpu_float(total[SAGA_GPU_SQUARES]) /
-           saga_canvas_n_seen(c);
+    *mse = saga_gpu_mse(g, c);
     return !total[SAGA_GPU_IS_UNSOUND] ||
            saga_fail(error, NULL, "try another --seed, and report this error",
                      "a gradient or value of a primitive is not finite at step "

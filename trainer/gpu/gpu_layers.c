@@ -83,17 +83,17 @@ bool saga_gpu_layers_room(saga_gpu_canvas *g, const saga_gpu_layers *s,
                          error);
 }
 
-void saga_gpu_layers_ways(saga_gpu_way *up, saga_gpu_way *down, size_t *at,
-                          const saga_net *net, const saga_net *d)
+void saga_gpu_layers_ways(saga_gpu_ways *ways, size_t *at, const saga_net *net,
+                          const saga_net *d)
 {
     const size_t n = net->n_layers ? saga_net_n_params(net) : 0;
 
-    *up = (saga_gpu_way){
-        .buffer = GPU_PARAM, .at = *at, .n = n, .from = net->w[0]
-    };
-    *down = (saga_gpu_way){
-        .buffer = GPU_D_PARAM, .at = *at, .n = n, .to = d->w[0]
-    };
+    saga_gpu_ways_append_up(
+        ways, (saga_gpu_way){
+                  .buffer = GPU_PARAM, .at = *at, .n = n, .from = net->w[0] });
+    saga_gpu_ways_append_down(
+        ways, (saga_gpu_way){
+                  .buffer = GPU_D_PARAM, .at = *at, .n = n, .to = d->w[0] });
     *at += n;
 }
 

@@ -59,9 +59,9 @@ void saga_gpu_layers_backward(saga_gpu_canvas *g, const saga_gpu_layers *s,
                               int from, int to);
 void saga_gpu_layers_sum(saga_gpu_canvas *g, const saga_gpu_layers *s);
 
-/* Set the ways of a network's parameters and of their gradients, which are
- * from *at on in the buffers, and move *at to what follows. */
-void saga_gpu_layers_ways(saga_gpu_way *up, saga_gpu_way *down, size_t *at,
-                          const saga_net *net, const saga_net *d);
+/* Appends the ways of a network's parameters and of their gradients, which are
+ * from *at on in the buffers, and moves *at to what follows. */
+void saga_gpu_layers_ways(saga_gpu_ways *ways, size_t *at, const saga_net *net,
+                          const saga_net *d);
 
 #endif

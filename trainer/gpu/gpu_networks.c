@@ -1,24 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-#include "gpu_networks.h"
-
 #include "gpu_columns.h"
-#include "gpu_layers.h"
+#include "gpu_stages.h"
 
 #include <float.h>
 #include <string.h>
 
 static const char what[] = "networks of primitives";
-
-/* Outputs of F_geo; networks that go up, with a table, and down. */
-enum { MOST_GEO = 256, N_UP = SAGA_GPU_N_NETS + 1, N_DOWN = SAGA_GPU_N_NETS };
-
-struct saga_gpu_networks {
-    const saga_gpu_prims *p;
-    saga_gpu_layers layers;
-    int geo, colour; /* the last layers of F_geo and of the colour */
-    uint32_t part[MOST_GEO][2];
-    saga_gpu_way up[N_UP], down[N_DOWN];
-};
 
 /* --- Layers -------------------------------------------------------------- */
 
@@ -27,14 +14,14 @@ static int n_layers(const saga_gpu_prims *p, int net)
     return p->net[net]->n_layers;
 }
 
-static void append(saga_gpu_networks *s, int net, saga_gpu_layer first)
+static void append(saga_gpu_prims_run *s, int net, saga_gpu_layer first)
 {
     saga_gpu_layers_append(&s->layers, s->p->net[net], first);
 }
 
 /* The colour's hidden layer gets sums from features and from directions, and
  * then is rectified; COLOUR reads it. */
-static void append_colour(saga_gpu_networks *s)
+static void append_colour(saga_gpu_prims_run *s)
 {
     saga_gpu_layers *const l = &s->layers;
     const bool sees = n_layers(s->p, SAGA_GPU_COLOUR_VIEW) > 0;
@@ -61,10 +48,10 @@ static void append_colour(saga_gpu_networks *s)
     s->colour = l->n - 1;
 }
 
-static void list_layers(saga_gpu_networks *s, const saga_gpu_prims *p)
+static void list_layers(saga_gpu_prims_run *s, const saga_gpu_prims *p)
 {
-    *s = (saga_gpu_networks){ .p = p,
-                              .layers = saga_gpu_layers_of(p->n, 0, 0) };
+    *s = (saga_gpu_prims_run){ .p = p,
+                               .layers = saga_gpu_layers_of(p->n, 0, 0) };
     /* Backward, F_geo is the last that gives gradients to features. */
     append(s, SAGA_GPU_GEO,
            (saga_gpu_layer){ .x = GPU_NET_IN,
@@ -114,7 +101,7 @@ bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p)
            saga_gpu_layers_fit(gpu, n_weights(p));
 }
 
-static size_t n_geo(const saga_gpu_networks *s)
+static size_t n_geo(const saga_gpu_prims_run *s)
 {
     return s->layers.list[s->geo].n_out;
 }
@@ -122,7 +109,7 @@ static size_t n_geo(const saga_gpu_networks *s)
 /* --- Ways ---------------------------------------------------------------- */
 
 /* The constants of F_geo's outputs: a word, and the bits of a real. */
-static void set_parts(saga_gpu_networks *s)
+static void set_parts(saga_gpu_prims_run *s)
 {
     for (size_t k = 0; k < n_geo(s); k++) {
         const saga_attr_part of = s->p->part[k];
@@ -139,20 +126,22 @@ static void set_parts(saga_gpu_networks *s)
     }
 }
 
-static void list_ways(saga_gpu_networks *s)
+void saga_gpu_list_prims(saga_gpu_prims_run *s, saga_gpu_ways *ways,
+                         const saga_gpu_prims *p)
 {
     size_t at = 0;
 
+    list_layers(s, p);
+    set_parts(s);
     for (int k = 0; k < SAGA_GPU_N_NETS; k++)
-        saga_gpu_layers_ways(&s->up[k], &s->down[k], &at, s->p->net[k],
-                             s->p->d_net[k]);
-    s->up[SAGA_GPU_N_NETS] = (saga_gpu_way){ .buffer = GPU_PART,
-                                             .n = 2 * n_geo(s),
-                                             .from = s->part };
+        saga_gpu_layers_ways(ways, &at, p->net[k], p->d_net[k]);
+    saga_gpu_ways_append_up(ways, (saga_gpu_way){ .buffer = GPU_PART,
+                                                  .n = 2 * n_geo(s),
+                                                  .from = s->part });
 }
 
-static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
-                      saga_error *error)
+bool saga_gpu_prims_room(saga_gpu_canvas *g, const saga_gpu_prims_run *s,
+                         saga_error *error)
 {
     const saga_gpu_prims *const p = s->p;
     const size_t n = p->n;
@@ -163,17 +152,15 @@ static bool make_room(saga_gpu_canvas *g, const saga_gpu_networks *s,
     };
 
     return SAGA_GPU_ROOMS(g, need, what, error) &&
-           saga_gpu_layers_room(g, &s->layers, what, error) &&
-           saga_gpu_ways_room(g, s->up, N_UP, what, error) &&
-           saga_gpu_ways_back(g, s->down, N_DOWN, what, error);
+           saga_gpu_layers_room(g, &s->layers, what, error);
 }
 
 /* --- Recording ----------------------------------------------------------- */
 
 /* parts.glsl */
-static void run_net(saga_gpu_canvas *g, int kernel, const int *buffers)
+static void run_net(saga_gpu_canvas *g, const saga_gpu_prims_run *s, int kernel,
+                    const int *buffers)
 {
-    const saga_gpu_networks *const s = g->networks;
     const float reals[] = { (float)s->p->most_motion, (float)s->p->centre_lo,
                             (float)s->p->centre_hi, (float)s->p->size_price };
     uint32_t push[6] = { s->p->n, (uint32_t)n_geo(s) };
@@ -183,12 +170,12 @@ static void run_net(saga_gpu_canvas *g, int kernel, const int *buffers)
 }
 
 /* Sets the inputs of F_geo: features, and the embedding of offsets. */
-static void record_inputs(saga_gpu_canvas *g)
+static void record_inputs(saga_gpu_canvas *g, const saga_gpu_prims_run *s)
 {
-    const saga_gpu_prims *const p = g->networks->p;
+    const saga_gpu_prims *const p = s->p;
     saga_gpu_columns c = { .n_rows = p->n,
                            .n = (uint32_t)p->features,
-                           .dim = g->networks->layers.list[0].n_in,
+                           .dim = s->layers.list[0].n_in,
                            .every = 1,
                            .most = FLT_MAX };
 
@@ -198,17 +185,15 @@ static void record_inputs(saga_gpu_canvas *g)
     saga_gpu_embed(g, &c, GPU_OFFSET4, GPU_NET_IN);
 }
 
-static void record_networks(saga_gpu_canvas *g)
+void saga_gpu_prims_forward(saga_gpu_canvas *g, const saga_gpu_prims_run *s)
 {
-    const saga_gpu_networks *const s = g->networks;
     const saga_gpu_layer *const list = s->layers.list;
     const size_t n = s->p->n;
     const int geo = list[s->geo].y, colour = list[s->colour].y;
 
-    saga_gpu_ways_send(g, s->up, N_UP);
-    record_inputs(g);
+    record_inputs(g, s);
     saga_gpu_layers_forward(g, &s->layers, 0, s->geo + 1);
-    run_net(g, SAGA_KERNEL_NET_VALUES,
+    run_net(g, s, SAGA_KERNEL_NET_VALUES,
             (int[]){ GPU_FRAME, GPU_PLACE, GPU_SUPPORT, GPU_LEVEL, GPU_PART,
                      geo, GPU_VALUE, -1 });
     if (n_layers(s->p, SAGA_GPU_COLOUR_VIEW))
@@ -219,61 +204,15 @@ static void record_networks(saga_gpu_canvas *g)
                 (int[]){ GPU_FRAME, colour, GPU_VALUE, -1 });
 }
 
-static void record_learning(saga_gpu_canvas *g)
+void saga_gpu_prims_backward(saga_gpu_canvas *g, const saga_gpu_prims_run *s)
 {
-    const saga_gpu_networks *const s = g->networks;
     const saga_gpu_layer *const geo = s->layers.list + s->geo;
     const saga_gpu_layer *const colour = s->layers.list + s->colour;
 
-    saga_gpu_record_truth(g);
-    saga_gpu_record_tiles(g);
-    saga_gpu_record_back(g);
-    saga_gpu_record_sums(g, 0);
-    run_net(g, SAGA_KERNEL_NET_GRADIENTS,
+    run_net(g, s, SAGA_KERNEL_NET_GRADIENTS,
             (int[]){ GPU_FRAME, GPU_PLACE, GPU_SUPPORT, GPU_PART, geo->y,
                      colour->y, GPU_GRAD, geo->d_y, colour->d_y, GPU_D_PLACE,
                      GPU_D_LOG2, GPU_LIMIT, -1 });
     saga_gpu_layers_backward(g, &s->layers, 0, s->layers.n);
     saga_gpu_layers_sum(g, &s->layers);
-    saga_gpu_ways_fetch(g, s->down, N_DOWN);
-}
-
-bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
-                          const saga_gpu_prims *p, const saga_canvas *c,
-                          saga_error *error)
-{
-    saga_gpu_networks s;
-    bool ok;
-
-    list_layers(&s, p);
-    set_parts(&s);
-    list_ways(&s);
-    saga_gpu_set_frame(g, c, p->attrs, p->n);
-    g->n_set = 0;
-    g->n_from = 0;
-    if (!make_room(g, &s, error))
-        return false;
-    saga_gpu_ways_pack(g, s.up, N_UP);
-    g->networks = &s;
-    g->record_networks = record_networks;
-    ok = saga_gpu_pass(g, c, record_learning, error);
-    g->networks = NULL;
-    if (!ok)
-        return false;
-    saga_gpu_ways_take(g, s.down, N_DOWN);
-    *mse = (double)saga_gpu_float(
-               ((const uint32_t *)g->down.map)[SAGA_GPU_SQUARES]) /
-           saga_canvas_n_seen(c);
-    return true;
-}
-
-bool saga_gpu_prims_room(saga_gpu_canvas *g, const saga_gpu_prims *p,
-                         const saga_canvas *c, saga_error *error)
-{
-    saga_gpu_networks s;
-
-    list_layers(&s, p);
-    list_ways(&s);
-    return make_room(g, &s, error) &&
-           saga_gpu_pass_room(g, c, p->attrs, p->n, error);
 }

@@ -18,9 +18,9 @@ enum {
     SAGA_GPU_N_NETS
 };
 
-/* The networks of primitives, and their gradients, to which is added. Features,
- * places, offsets and supports are on the device, where their gradients are set
- * (gpu_anchors.h). */
+/* The networks of n primitives, and their gradients, to which is added.
+ * Features, places, offsets and supports are on the device, where their
+ * gradients are set (gpu_anchors.h). */
 typedef struct saga_gpu_prims {
     uint32_t n;
     uint32_t attrs; /* the set of their attributes */
@@ -36,15 +36,5 @@ typedef struct saga_gpu_prims {
 /* Tells whether the device can run these networks: if the colour has one layer
  * where its inputs meet, and all rows fit into buffers. */
 bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p);
-
-/* As saga_gpu_learn, but for the first n primitives as their networks make
- * them. Sets *mse. */
-bool saga_gpu_learn_prims(saga_gpu_canvas *g, double *mse,
-                          const saga_gpu_prims *p, const saga_canvas *canvas,
-                          saga_error *error);
-
-/* Makes what that needs, for a plan (gpu_splat.h). Networks need no weights. */
-bool saga_gpu_prims_room(saga_gpu_canvas *g, const saga_gpu_prims *p,
-                         const saga_canvas *canvas, saga_error *error);
 
 #endif

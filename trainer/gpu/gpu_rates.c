@@ -4,11 +4,9 @@
  * share the buffers of layers. The parameters of HYPER are there once for each
  * kind that reads it.
  */
-#include "gpu_rates.h"
-
 #include "alloc.h"
 #include "gpu_columns.h"
-#include "gpu_layers.h"
+#include "gpu_stages.h"
 
 #include <float.h>
 #include <stdlib.h>
@@ -20,29 +18,11 @@ static const char what[] = "the entropy model";
  * (rate_block.h). */
 enum { SIZES = 5, OFFSETS = 5 };
 
-enum { MOST_WAYS = 3 * SAGA_N_KINDS };
-
 /* log2 sigma of the coder's first and last scale (rate_bits.h). */
 #define LOG2_MIN (R(-22) / 7)
 #define LOG2_MAX (R(41) / 7)
 
 /* --- Kinds --------------------------------------------------------------- */
-
-/* The layers of a kind: those of HYPER, those of its network, and the sums of
- * its bits. */
-typedef struct {
-    saga_gpu_layers layers;
-    int n_hyper;
-    uint32_t n_channels, learned; /* the first channel that learns */
-} kind_run;
-
-typedef struct {
-    const saga_gpu_rates *r;
-    uint32_t n_rows;
-    kind_run kind[SAGA_N_KINDS];
-    saga_gpu_way up[MOST_WAYS], down[MOST_WAYS];
-    int n_up, n_down;
-} rating;
 
 static uint32_t n_channels(size_t features, int kind)
 {
@@ -60,10 +40,10 @@ static bool has_hyper(const saga_gpu_rate_kind *k)
     return k->net->dim[0] > 0 && k->keep & k->sources & SAGA_SOURCE_HYPER;
 }
 
-static void list_kind(rating *s, int kind, uint32_t base)
+static void list_kind(saga_gpu_rates_run *s, int kind, uint32_t base)
 {
     const saga_gpu_rate_kind *const k = &s->r->kind[kind];
-    kind_run *const to = &s->kind[kind];
+    saga_gpu_kind_run *const to = &s->kind[kind];
     saga_gpu_layers *const l = &to->layers;
 
     to->n_channels = n_channels(s->r->features, kind);
@@ -79,19 +59,6 @@ static void list_kind(rating *s, int kind, uint32_t base)
                           .d_x = k->net->dim[0] ? GPU_D_RATE_IN : -1,
                           .n_cols = (uint32_t)k->net->dim[0] });
     saga_gpu_layers_append_sums(l, GPU_BITS, to->n_channels);
-}
-
-static void list_kinds(rating *s, const saga_gpu_rates *r)
-{
-    uint32_t base = r->base;
-
-    *s = (rating){ .r = r };
-    s->n_rows = r->first < r->n ? (r->n - r->first + r->every - 1) / r->every
-                                : 0;
-    for (int k = 0; k < SAGA_N_KINDS; k++) {
-        list_kind(s, k, base);
-        base += s->kind[k].layers.n_params;
-    }
 }
 
 bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r)
@@ -117,39 +84,45 @@ bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r)
 
 /* --- Ways ---------------------------------------------------------------- */
 
-static void go_up(rating *s, int buffer, size_t n, const void *from)
+static void list_ways(saga_gpu_ways *ways, const saga_gpu_rates_run *s,
+                      int kind)
 {
-    s->up[s->n_up++] = (saga_gpu_way){ .buffer = buffer, .n = n, .from = from };
+    const saga_gpu_rate_kind *const k = &s->r->kind[kind];
+    const uint32_t channels = s->kind[kind].n_channels;
+    size_t at = s->kind[kind].layers.base;
+
+    saga_gpu_ways_append_up(ways, (saga_gpu_way){ .buffer = GPU_SCALE + kind,
+                                                  .n = 3 * channels,
+                                                  .from = k->scale });
+    if (has_hyper(k))
+        saga_gpu_layers_ways(ways, &at, k->hyper, k->d_hyper);
+    saga_gpu_layers_ways(ways, &at, k->net, k->d_net);
+    saga_gpu_ways_append_down(ways, (saga_gpu_way){ .buffer = GPU_D_PARAM,
+                                                    .at = at,
+                                                    .n = channels,
+                                                    .to = s->r->bits[kind],
+                                                    .replaces = true });
 }
 
-static void take_net(rating *s, size_t *at, const saga_net *net,
-                     const saga_net *d)
+void saga_gpu_list_rates(saga_gpu_rates_run *s, saga_gpu_ways *ways,
+                         const saga_gpu_rates *r)
 {
-    saga_gpu_layers_ways(&s->up[s->n_up++], &s->down[s->n_down++], at, net, d);
-}
+    uint32_t base = r->base;
 
-static void list_ways(rating *s)
-{
+    *s = (saga_gpu_rates_run){ .r = r };
+    s->n_rows = r->first < r->n ? (r->n - r->first + r->every - 1) / r->every
+                                : 0;
     for (int k = 0; k < SAGA_N_KINDS; k++) {
-        const saga_gpu_rate_kind *const kind = &s->r->kind[k];
-        const uint32_t channels = s->kind[k].n_channels;
-        size_t at = s->kind[k].layers.base;
-
-        go_up(s, GPU_SCALE + k, 3 * channels, kind->scale);
-        if (has_hyper(kind))
-            take_net(s, &at, kind->hyper, kind->d_hyper);
-        take_net(s, &at, kind->net, kind->d_net);
-        s->down[s->n_down++] = (saga_gpu_way){ .buffer = GPU_D_PARAM,
-                                               .at = at,
-                                               .n = channels,
-                                               .to = s->r->bits[k],
-                                               .replaces = true };
+        list_kind(s, k, base);
+        base += s->kind[k].layers.n_params;
+        list_ways(ways, s, k);
     }
 }
 
 /* --- Memory -------------------------------------------------------------- */
 
-static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
+bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                         saga_error *error)
 {
     const size_t rows = s->n_rows;
 
@@ -165,8 +138,7 @@ static bool make_room(saga_gpu_canvas *g, const rating *s, saga_error *error)
             !saga_gpu_layers_room(g, &s->kind[k].layers, what, error))
             return false;
     }
-    return saga_gpu_ways_room(g, s->up, s->n_up, what, error) &&
-           saga_gpu_ways_back(g, s->down, s->n_down, what, error);
+    return true;
 }
 
 /* --- Sources ------------------------------------------------------------- */
@@ -184,7 +156,7 @@ typedef struct {
     bool is_hyper;
 } reading;
 
-static reading parent_of(const rating *s, int kind)
+static reading parent_of(const saga_gpu_rates_run *s, int kind)
 {
     const uint32_t f = (uint32_t)s->r->features, n = s->r->n;
 
@@ -198,7 +170,7 @@ static reading parent_of(const rating *s, int kind)
                             .to = { GPU_D_FEATURE, n, -1, true } };
 }
 
-static reading groups_of(const rating *s, int kind)
+static reading groups_of(const saga_gpu_rates_run *s, int kind)
 {
     const uint32_t n = s->r->n;
 
@@ -214,7 +186,8 @@ static reading groups_of(const rating *s, int kind)
 
 /* The outputs of HYPER have a row for each row of the inputs, and bounds of
  * their own. */
-static reading hyper_of(const rating *s, int kind, saga_gpu_columns c)
+static reading hyper_of(const saga_gpu_rates_run *s, int kind,
+                        saga_gpu_columns c)
 {
     const int last = s->kind[kind].n_hyper - 1;
     const real most = s->r->kind[kind].read_most;
@@ -229,10 +202,11 @@ static reading hyper_of(const rating *s, int kind, saga_gpu_columns c)
                       .is_hyper = true };
 }
 
-static void hyper_forward(saga_gpu_canvas *g, const rating *s, int kind)
+static void hyper_forward(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                          int kind)
 {
     const saga_gpu_rates *const r = s->r;
-    const kind_run *const k = &s->kind[kind];
+    const saga_gpu_kind_run *const k = &s->kind[kind];
     saga_gpu_columns c = { .n_rows = s->n_rows,
                            .n = 8 * (uint32_t)r->octaves,
                            .dim = (uint32_t)r->kind[kind].hyper->dim[0],
@@ -249,7 +223,8 @@ static void hyper_forward(saga_gpu_canvas *g, const rating *s, int kind)
 
 /* Lists the sources of a kind in the order of their columns; those that are not
  * kept are 0. Returns their number. */
-static int list_readings(reading list[MOST_SOURCES], const rating *s, int kind)
+static int list_readings(reading list[MOST_SOURCES],
+                         const saga_gpu_rates_run *s, int kind)
 {
     const saga_gpu_rates *const r = s->r;
     const saga_gpu_rate_kind *const k = &r->kind[kind];
@@ -280,7 +255,8 @@ static int list_readings(reading list[MOST_SOURCES], const rating *s, int kind)
     return n;
 }
 
-static void sources_forward(saga_gpu_canvas *g, const rating *s, int kind)
+static void sources_forward(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                            int kind)
 {
     reading list[MOST_SOURCES];
     const int n = list_readings(list, s, kind);
@@ -293,7 +269,8 @@ static void sources_forward(saga_gpu_canvas *g, const rating *s, int kind)
     }
 }
 
-static void sources_backward(saga_gpu_canvas *g, const rating *s, int kind)
+static void sources_backward(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                             int kind)
 {
     reading list[MOST_SOURCES];
     const int n = list_readings(list, s, kind);
@@ -307,10 +284,11 @@ static void sources_backward(saga_gpu_canvas *g, const rating *s, int kind)
 /* --- Recording ----------------------------------------------------------- */
 
 /* rate_cost.comp */
-static void record_cost(saga_gpu_canvas *g, const rating *s, int kind)
+static void record_cost(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                        int kind)
 {
     const saga_gpu_rates *const r = s->r;
-    const kind_run *const k = &s->kind[kind];
+    const saga_gpu_kind_run *const k = &s->kind[kind];
     const saga_gpu_layer *const last = &k->layers.list[k->layers.n - 2];
     const uint64_t key = r->kind[kind].key;
     const float reals[] = { (float)r->weight, (float)r->kind[kind].mu_scale,
@@ -337,9 +315,10 @@ static void record_cost(saga_gpu_canvas *g, const rating *s, int kind)
                      push, 13);
 }
 
-static void record_kind(saga_gpu_canvas *g, const rating *s, int kind)
+static void record_kind(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
+                        int kind)
 {
-    const kind_run *const k = &s->kind[kind];
+    const saga_gpu_kind_run *const k = &s->kind[kind];
     const saga_gpu_layers *const l = &k->layers;
 
     if (s->r->kind[kind].net->dim[0])
@@ -358,27 +337,12 @@ static void clear(saga_gpu_canvas *g, int buffer, size_t n)
     saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
 }
 
-bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
-                   saga_error *error)
+void saga_gpu_record_rates(saga_gpu_canvas *g, const saga_gpu_rates_run *s)
 {
-    rating s;
-
-    list_kinds(&s, r);
-    list_ways(&s);
-    if (!make_room(g, &s, error))
-        return false;
-    saga_gpu_ways_pack(g, s.up, s.n_up);
-    saga_gpu_begin(g->gpu);
-    saga_gpu_ways_send(g, s.up, s.n_up);
-    clear(g, GPU_D_COARSE, r->n * r->features);
-    clear(g, GPU_D_OFFSET, 4 * (size_t)r->n);
+    clear(g, GPU_D_COARSE, s->r->n * s->r->features);
+    clear(g, GPU_D_OFFSET, 4 * (size_t)s->r->n);
     for (int k = 0; k < SAGA_N_KINDS; k++)
-        record_kind(g, &s, k);
-    saga_gpu_ways_fetch(g, s.down, s.n_down);
-    if (!saga_gpu_finish(g->gpu, error))
-        return false;
-    saga_gpu_ways_take(g, s.down, s.n_down);
-    return true;
+        record_kind(g, s, k);
 }
 
 /* --- What stays ---------------------------------------------------------- */
@@ -484,21 +448,18 @@ bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
 
 /* --- Room ---------------------------------------------------------------- */
 
-bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates *r,
-                         uint32_t n_links, saga_error *error)
+bool saga_gpu_put_rates_room(saga_gpu_canvas *g, uint32_t n, uint32_t n_links,
+                             saga_error *error)
 {
-    const size_t n = r->n;
+    const size_t each = n;
     const saga_gpu_need need[] = {
-        { GPU_FINE_OFFSET, GPU_FINE_OFFSET, OFFSETS * n },
-        { GPU_SPAN, GPU_SPAN, n },
-        { GPU_PHASE, GPU_SIZE - 1, 4 * n },
-        { GPU_SIZE, GPU_VALUE4 - 1, SIZES * n },
-        { GPU_VALUE4, GPU_SCALE - 1, 4 * n },
-        { GPU_LINKS, GPU_D_OFFSET - 1, link_words(r->n, n_links) }
+        { GPU_FINE_OFFSET, GPU_FINE_OFFSET, OFFSETS * each },
+        { GPU_SPAN, GPU_SPAN, each },
+        { GPU_PHASE, GPU_SIZE - 1, 4 * each },
+        { GPU_SIZE, GPU_VALUE4 - 1, SIZES * each },
+        { GPU_VALUE4, GPU_SCALE - 1, 4 * each },
+        { GPU_LINKS, GPU_D_OFFSET - 1, link_words(n, n_links) }
     };
-    rating s;
 
-    list_kinds(&s, r);
-    list_ways(&s);
-    return SAGA_GPU_ROOMS(g, need, what, error) && make_room(g, &s, error);
+    return SAGA_GPU_ROOMS(g, need, what, error);
 }

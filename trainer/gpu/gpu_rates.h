@@ -53,8 +53,8 @@ typedef struct saga_gpu_rate_kind {
     uint64_t key;           /* of the noise */
 } saga_gpu_rate_kind;
 
-/* An iteration, whose values are on the device, where gradients and means are
- * kept (gpu_anchors.h). Gradients of networks are added to. */
+/* The rate of an iteration, whose values are on the device, where gradients and
+ * means are kept (gpu_anchors.h). Gradients of networks are added to. */
 typedef struct saga_gpu_rates {
     uint32_t n, first, every; /* blocks first, first + every, ... of n */
     size_t features;
@@ -73,13 +73,9 @@ bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r);
 bool saga_gpu_put_rates(saga_gpu_canvas *g, const saga_gpu_rate_scene *s,
                         saga_error *error);
 
-/* Evaluates the blocks of an iteration. */
-bool saga_gpu_rate(saga_gpu_canvas *g, const saga_gpu_rates *r,
-                   saga_error *error);
-
-/* Makes what these need, for a plan (gpu_splat.h), with sets of n_links links.
- */
-bool saga_gpu_rates_room(saga_gpu_canvas *g, const saga_gpu_rates *r,
-                         uint32_t n_links, saga_error *error);
+/* Makes what that needs for n anchors of a tier and sets of n_links links, for
+ * a plan (gpu_splat.h). */
+bool saga_gpu_put_rates_room(saga_gpu_canvas *g, uint32_t n, uint32_t n_links,
+                             saga_error *error);
 
 #endif

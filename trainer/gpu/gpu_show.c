@@ -56,6 +56,7 @@ static bool draw_teacher(saga_gpu_canvas *t, int k, const saga_novel *o,
                          saga_error *error)
 {
     const uint32_t attrs = saga_attrs_of(&o->teacher[k]);
+    saga_gpu_pass pass = { .canvas = &o->canvas };
 
     if (!keep_teacher(t, k, o, error))
         return false;
@@ -63,7 +64,12 @@ static bool draw_teacher(saga_gpu_canvas *t, int k, const saga_novel *o,
     t->frame.draws = 1;
     t->from = &t->teacher[k];
     t->n_from = teacher_nbytes(attrs, o->n[k]);
-    return saga_gpu_pass(t, &o->canvas, saga_gpu_record_tiles, error);
+    while (saga_gpu_begin_pass(&pass, t, error)) {
+        saga_gpu_record_lists(t);
+        saga_gpu_record_tiles(t);
+        saga_gpu_end_pass(&pass, t, error);
+    }
+    return pass.is_done;
 }
 
 /* Adds the picture that the teachers' canvas has to the truth of g. */

@@ -14,9 +14,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Pairs of splats and tiles for which there is room at first: for each
- * primitive, but as many at least; and for each tile in a plan. 10,000
- * primitives had 3 each; fewer are larger, and 2,000 had 123 on a tile. */
+/* Pairs of splats and tiles for which a canvas has room at first: for each
+ * primitive, and as many more; and for each tile in a plan. 10,000 primitives
+ * had 3 each; fewer are larger, and 2,000 had 123 on a tile. */
 enum { FIRST_PAIRS = 8, LEAST_PAIRS = 1 << 16, PLAN_PAIRS = 160 };
 
 static const char what[] = "primitives";
@@ -101,13 +101,9 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
                                        "still primitives", error));
 }
 
-/* Has room for the first pairs of a pass with the frame that is set. */
-static void expect_pairs(saga_gpu_canvas *g, uint32_t at_least)
+static uint32_t first_pairs(const saga_gpu_frame *f)
 {
-    const uint32_t first = LEAST_PAIRS + FIRST_PAIRS * g->frame.n;
-    const uint32_t most = first > at_least ? first : at_least;
-
-    g->most_pairs = g->most_pairs > most ? g->most_pairs : most;
+    return LEAST_PAIRS + FIRST_PAIRS * f->n;
 }
 
 /* --- The host's arrays --------------------------------------------------- */
@@ -242,7 +238,7 @@ static uint32_t bits_of(uint32_t most)
 }
 
 /* Makes the lists of the tiles. */
-static void record_lists(saga_gpu_canvas *g)
+void saga_gpu_record_lists(saga_gpu_canvas *g)
 {
     const saga_gpu_frame *const f = &g->frame;
     const uint32_t n_tiles = f->n_tiles_x * f->n_tiles_y;
@@ -291,39 +287,51 @@ void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes)
         1);
 }
 
-bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
-                   void (*record)(saga_gpu_canvas *), saga_error *error)
+bool saga_gpu_begin_pass(saga_gpu_pass *p, saga_gpu_canvas *g,
+                         saga_error *error)
 {
     saga_gpu_frame *const f = &g->frame;
-    const uint32_t *const total = g->down.map;
     const size_t back = back_nbytes(f);
 
-    expect_pairs(g, 0);
-    /* What the host sends, the lists, what is wanted, the totals; all of it
-     * once more if there are more pairs than room. */
-    for (;;) {
-        f->most_pairs = g->most_pairs;
-        if (!make_room(g, error))
-            return false;
-        if (back)
-            saga_gpu_pack(g->up_back.map, c->still, c->n_still);
-        memcpy(g->up_frame.map, f, sizeof *f);
-        saga_gpu_begin(g->gpu);
-        saga_gpu_copy(g->gpu, &g->on[GPU_FRAME], 0, &g->up_frame, 0, sizeof *f);
-        saga_gpu_copy(g->gpu, &g->on[GPU_VALUE], 0, g->from, 0, g->n_from);
-        saga_gpu_copy(g->gpu, &g->on[GPU_BACK], 0, &g->up_back, 0, back);
-        if (g->networks)
-            g->record_networks(g);
-        record_lists(g);
-        record(g);
-        saga_gpu_copy(g->gpu, &g->down, 0, &g->on[GPU_TOTAL], 0,
-                      SAGA_GPU_N_TOTALS * sizeof(uint32_t));
-        if (!saga_gpu_finish(g->gpu, error))
-            return false;
-        if (!total[SAGA_GPU_IS_FULL])
-            return true;
+    if (p->is_over)
+        return false;
+    if (g->most_pairs == 0)
+        g->most_pairs = first_pairs(f);
+    f->most_pairs = g->most_pairs;
+    if (!make_room(g, error))
+        return false;
+    /* What the host sends. */
+    if (back)
+        saga_gpu_pack(g->up_back.map, p->canvas->still, p->canvas->n_still);
+    memcpy(g->up_frame.map, f, sizeof *f);
+    saga_gpu_begin(g->gpu);
+    saga_gpu_copy(g->gpu, &g->on[GPU_FRAME], 0, &g->up_frame, 0, sizeof *f);
+    saga_gpu_copy(g->gpu, &g->on[GPU_VALUE], 0, g->from, 0, g->n_from);
+    saga_gpu_copy(g->gpu, &g->on[GPU_BACK], 0, &g->up_back, 0, back);
+    p->n_runs++;
+    return true;
+}
+
+void saga_gpu_end_pass(saga_gpu_pass *p, saga_gpu_canvas *g, saga_error *error)
+{
+    const uint32_t *const total = g->down.map;
+
+    saga_gpu_copy(g->gpu, &g->down, 0, &g->on[GPU_TOTAL], 0,
+                  SAGA_GPU_N_TOTALS * sizeof(uint32_t));
+    p->is_over = true;
+    if (!saga_gpu_finish(g->gpu, error))
+        return;
+    p->is_over = p->is_done = !total[SAGA_GPU_IS_FULL];
+    if (!p->is_done)
         g->most_pairs = total[SAGA_GPU_WANTED] + total[SAGA_GPU_WANTED] / 4;
-    }
+}
+
+double saga_gpu_mse(const saga_gpu_canvas *g, const saga_canvas *c)
+{
+    const uint32_t *const total = g->down.map;
+
+    return (double)saga_gpu_float(total[SAGA_GPU_SQUARES]) /
+           saga_canvas_n_seen(c);
 }
 
 /* --- Passes over the host's primitives ----------------------------------- */
@@ -342,9 +350,10 @@ static bool ways_room(saga_gpu_canvas *g, uint32_t attrs, uint32_t n,
                          SAGA_GPU_DOWN, what, error);
 }
 
-static bool begin_pass(saga_gpu_canvas *g, const saga_canvas *c,
-                       const saga_splat_params *p, uint32_t n, size_t down,
-                       saga_error *error)
+/* Sets the frame for the host's primitives, which a pass sends first. */
+static bool send_primitives(saga_gpu_canvas *g, const saga_canvas *c,
+                            const saga_splat_params *p, uint32_t n, size_t down,
+                            saga_error *error)
 {
     const uint32_t attrs = saga_attrs_of(p);
 
@@ -363,28 +372,26 @@ const real *saga_gpu_after_totals(const saga_gpu_canvas *g)
     return (const real *)g->down.map + SAGA_GPU_N_TOTALS;
 }
 
-static void record_drawing(saga_gpu_canvas *g)
-{
-    const size_t pixels = (size_t)g->frame.width * g->frame.height;
-
-    saga_gpu_record_tiles(g);
-    saga_gpu_copy(g->gpu, &g->down, SAGA_GPU_N_TOTALS * sizeof(uint32_t),
-                  &g->on[GPU_IMAGE], 0, 3 * pixels * sizeof(real));
-}
-
 bool saga_gpu_draw(saga_gpu_canvas *g, saga_canvas *c,
                    const saga_splat_params *p, uint32_t n, saga_error *error)
 {
     const size_t nbytes = 3 * (size_t)c->camera.width *
                           (size_t)c->camera.height * sizeof(real);
+    saga_gpu_pass pass = { .canvas = c };
 
-    if (!begin_pass(g, c, p, n, nbytes, error))
+    if (!send_primitives(g, c, p, n, nbytes, error))
         return false;
     g->frame.draws = 1;
-    if (!saga_gpu_pass(g, c, record_drawing, error))
-        return false;
-    memcpy(c->image, saga_gpu_after_totals(g), nbytes);
-    return true;
+    while (saga_gpu_begin_pass(&pass, g, error)) {
+        saga_gpu_record_lists(g);
+        saga_gpu_record_tiles(g);
+        saga_gpu_copy(g->gpu, &g->down, SAGA_GPU_N_TOTALS * sizeof(uint32_t),
+                      &g->on[GPU_IMAGE], 0, nbytes);
+        saga_gpu_end_pass(&pass, g, error);
+    }
+    if (pass.is_done)
+        memcpy(c->image, saga_gpu_after_totals(g), nbytes);
+    return pass.is_done;
 }
 
 static void record_learning(saga_gpu_canvas *g)
@@ -393,6 +400,7 @@ static void record_learning(saga_gpu_canvas *g)
     const size_t grads = saga_attrs_width(g->frame.attrs) * n * word;
     const size_t at = SAGA_GPU_N_TOTALS * word;
 
+    saga_gpu_record_lists(g);
     saga_gpu_record_truth(g);
     saga_gpu_record_tiles(g);
     saga_gpu_fill(g->gpu, &g->on[GPU_STAT], 0, 3 * n * word, 0);
@@ -451,16 +459,21 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
                     uint32_t n, saga_error *error)
 {
     const size_t reals = saga_attrs_width(saga_attrs_of(p)) * n;
+    const size_t down = learned_nbytes(saga_attrs_of(p), n);
+    saga_gpu_pass pass = { .canvas = c };
     adding j = { .g = g, .l = l, .n = n };
 
-    if (!begin_pass(g, c, p, n, learned_nbytes(saga_attrs_of(p), n), error) ||
-        !saga_gpu_pass(g, c, record_learning, error))
+    if (!send_primitives(g, c, p, n, down, error))
+        return false;
+    while (saga_gpu_begin_pass(&pass, g, error)) {
+        record_learning(g);
+        saga_gpu_end_pass(&pass, g, error);
+    }
+    if (!pass.is_done)
         return false;
     j.grad = saga_gpu_after_totals(g);
     j.stat = j.grad + reals;
-    l->mse = (double)saga_gpu_float(
-                 ((const uint32_t *)g->down.map)[SAGA_GPU_SQUARES]) /
-             saga_canvas_n_seen(c);
+    l->mse = saga_gpu_mse(g, c);
     saga_parallel(&(saga_tasks){ .run = add_part,
                                  .user = &j,
                                  .n = saga_n_parts(n, PART),
@@ -473,8 +486,13 @@ bool saga_gpu_learn(saga_gpu_canvas *g, saga_splat_learning *l,
 bool saga_gpu_pass_room(saga_gpu_canvas *g, const saga_canvas *c,
                         uint32_t attrs, uint32_t n, saga_error *error)
 {
+    const saga_gpu_frame *const f = &g->frame;
+    uint32_t by_tiles, most;
+
     saga_gpu_set_frame(g, c, attrs, n);
-    expect_pairs(g, PLAN_PAIRS * g->frame.n_tiles_x * g->frame.n_tiles_y);
+    by_tiles = PLAN_PAIRS * f->n_tiles_x * f->n_tiles_y;
+    most = first_pairs(f) > by_tiles ? first_pairs(f) : by_tiles;
+    g->most_pairs = g->most_pairs > most ? g->most_pairs : most;
     return make_room(g, error);
 }
 

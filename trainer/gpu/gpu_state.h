@@ -98,8 +98,6 @@ enum {
     GPU_N_BUFFERS
 };
 
-typedef struct saga_gpu_networks saga_gpu_networks;
-
 /* Stored pictures on the device. */
 typedef struct saga_gpu_cache {
     saga_gpu_buffer *chunk; /* (n_chunks) of equal size */
@@ -126,10 +124,6 @@ struct saga_gpu_canvas {
     uint32_t attrs;                               /* and their attributes */
     uint32_t n_linked, n_links[SAGA_GPU_N_LINKS]; /* blocks; links of a set */
     saga_gpu_cache cache;
-    /* The networks that compute the attributes of the pass, NULL if these are
-     * there, and what records them, before the lists are made. */
-    const saga_gpu_networks *networks;
-    void (*record_networks)(saga_gpu_canvas *);
     saga_gpu_canvas *teachers; /* draws their pictures; NULL: none so far */
     saga_gpu_buffer teacher[SAGA_NOVEL_MOST_TEACHERS]; /* there: attributes */
     /* The truth of the next picture. */
@@ -166,17 +160,39 @@ bool saga_gpu_show_stored(saga_gpu_canvas *g, saga_canvas *canvas,
                           saga_sample sample, saga_error *error);
 void saga_gpu_record_truth(saga_gpu_canvas *g);
 
-/* gpu_splat.c, for gpu_flat.c. */
+/* gpu_splat.c: a pass. */
 /* Sets the frame for a pass over n primitives with these attributes. */
 void saga_gpu_set_frame(saga_gpu_canvas *g, const saga_canvas *c,
                         uint32_t attrs, uint32_t n);
-/* Runs what record() records after the lists are made, and again with more room
- * if that was short. `down` has the totals at its begin then. */
-bool saga_gpu_pass(saga_gpu_canvas *g, const saga_canvas *c,
-                   void (*record)(saga_gpu_canvas *), saga_error *error);
+
+/* A pass with the frame that is set is a list of commands, which runs again
+ * with more room if that was short for the pairs of splats and tiles:
+ *
+ *     saga_gpu_pass p = { .canvas = c };
+ *
+ *     while (saga_gpu_begin_pass(&p, g, error)) {
+ *         saga_gpu_record_lists(g);
+ *         ...
+ *         saga_gpu_end_pass(&p, g, error);
+ *     }
+ *
+ * Then is_done tells whether it succeeded; else *error is set. `down` has the
+ * totals at its begin. If room is short, the word SAGA_GPU_IS_FULL of GPU_TOTAL
+ * is 1 after saga_gpu_record_lists, and gradients of attributes are not set. */
+typedef struct saga_gpu_pass {
+    const saga_canvas *canvas;
+    int n_runs; /* that have begun */
+    bool is_over, is_done;
+} saga_gpu_pass;
+
+bool saga_gpu_begin_pass(saga_gpu_pass *p, saga_gpu_canvas *g,
+                         saga_error *error);
+void saga_gpu_end_pass(saga_gpu_pass *p, saga_gpu_canvas *g, saga_error *error);
+
 /* Makes room for a pass, with many pairs, for a plan. */
 bool saga_gpu_pass_room(saga_gpu_canvas *g, const saga_canvas *c,
                         uint32_t attrs, uint32_t n, saga_error *error);
+void saga_gpu_record_lists(saga_gpu_canvas *g);
 void saga_gpu_record_tiles(saga_gpu_canvas *g);
 void saga_gpu_record_back(saga_gpu_canvas *g);
 /* n_sizes: work groups that have left sums of sizes, or 0. */
@@ -184,6 +200,9 @@ void saga_gpu_record_sums(saga_gpu_canvas *g, uint32_t n_sizes);
 /* Copies n primitives of the host into one block. */
 void saga_gpu_pack(real *block, const saga_splat_params *p, size_t n);
 
+/* What a pass has left in `down`: the mean squared error of the picture, and
+ * what is behind the totals. */
+double saga_gpu_mse(const saga_gpu_canvas *g, const saga_canvas *c);
 const real *saga_gpu_after_totals(const saga_gpu_canvas *g);
 
 static inline size_t saga_gpu_groups(size_t n)

@@ -3,11 +3,24 @@
 
 #include "gpu_state.h"
 
+#include <assert.h>
 #include <string.h>
 
 enum { WORD = sizeof(uint32_t) };
 /* A device computes in float. A trainer that computes in double has none
  * (compute_state.h), and only compiles this. */
+
+void saga_gpu_ways_append_up(saga_gpu_ways *s, saga_gpu_way way)
+{
+    assert(s->n_up < SAGA_GPU_MOST_WAYS);
+    s->up[s->n_up++] = way;
+}
+
+void saga_gpu_ways_append_down(saga_gpu_ways *s, saga_gpu_way way)
+{
+    assert(s->n_down < SAGA_GPU_MOST_WAYS);
+    s->down[s->n_down++] = way;
+}
 
 static size_t n_words(const saga_gpu_way *ways, int n)
 {

@@ -17,6 +17,17 @@ typedef struct saga_gpu_way {
     bool replaces;
 } saga_gpu_way;
 
+/* All ways of a list, which its parts append. */
+enum { SAGA_GPU_MOST_WAYS = 16 };
+
+typedef struct saga_gpu_ways {
+    saga_gpu_way up[SAGA_GPU_MOST_WAYS], down[SAGA_GPU_MOST_WAYS];
+    int n_up, n_down;
+} saga_gpu_ways;
+
+void saga_gpu_ways_append_up(saga_gpu_ways *ways, saga_gpu_way way);
+void saga_gpu_ways_append_down(saga_gpu_ways *ways, saga_gpu_way way);
+
 /* Makes room in the buffers of the device and in `up`. */
 bool saga_gpu_ways_room(saga_gpu_canvas *g, const saga_gpu_way *ways, int n,
                         const char *what, saga_error *error);

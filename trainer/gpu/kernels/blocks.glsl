@@ -11,8 +11,8 @@ const uint LANES = 16, APART = 50, RECENT = 5, MOST = 64;
 /* The threads of a block, where a work group has the blocks of all lanes. */
 const uint PARTS = THREADS / LANES;
 
-/* Words of `flag`. */
-const uint IS_UNSOUND = 0;
+/* Words of `flag`: 1 if a number is not finite; 1 if there is no step. */
+const uint IS_UNSOUND = 0, IS_IDLE = 1;
 
 layout(push_constant) uniform push_block
 {

@@ -40,7 +40,7 @@ void main()
     const uint recent = recent_of(group), c_at = covariance_of(group);
     const float rest2 = 1 - beta2;
 
-    if (group >= n_groups)
+    if (group >= n_groups || flag[IS_IDLE] != 0)
         return;
     take(lane, part, first_of(group) + lane * APART);
     barrier();

@@ -53,7 +53,7 @@ void main()
     bool is_sound = true;
     uint n, begin;
 
-    if (group >= n_groups)
+    if (group >= n_groups || flag[IS_IDLE] != 0)
         return;
     begin = begin_of(n, block);
     for (uint k = part; k < width; k += PARTS)

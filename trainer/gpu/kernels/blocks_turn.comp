@@ -156,7 +156,7 @@ void main()
     const uint k = group_of(block);
     float trace = 0;
 
-    if (block >= n_blocks)
+    if (block >= n_blocks || flag[IS_IDLE] != 0)
         return;
     lane = block / APART % LANES;
     base_axes = axes_of(k);

@@ -74,6 +74,7 @@ layout(std430, set = 0, binding = 11) buffer flag_block
     uint flag[];
 };
 
+const uint IS_UNSOUND = 0, IS_IDLE = 1; /* blocks.glsl */
 const float LN_2 = 0.69314718055994531;
 
 void adam(uint k, float g)
@@ -89,7 +90,7 @@ void adam(uint k, float g)
     x[m_at] = m;
     x[v_at] = v;
     if (!is_finite(to) || !is_finite(g))
-        atomicOr(flag[0], 1u);
+        atomicOr(flag[IS_UNSOUND], 1u);
 }
 
 void main()
@@ -116,5 +117,6 @@ void main()
     /* Noise and rounding shift a position by a part of its support. */
     d_l += d_x * shift[k] * LN_2;
     d_outputs[at] = log2_of[k] < 0 && log2_of[k] > least ? d_l : 0;
-    adam(k, d_x);
+    if (flag[IS_IDLE] == 0)
+        adam(k, d_x);
 }

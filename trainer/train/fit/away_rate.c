@@ -12,19 +12,9 @@
 
 static const char what[] = "the rate of anchors";
 
-enum { MOST_CHANNELS = 4 + SAGA_MAX_FEATURES };
-
 /* --- Kinds --------------------------------------------------------------- */
 
-/* What a kind reads, and what comes of it. */
-typedef struct {
-    saga_net constants, d_constants;
-    real biases[2 * MOST_CHANNELS], d_biases[2 * MOST_CHANNELS];
-    real scale[MOST_CHANNELS][3]; /* unit of mu, its bound, step */
-    real bits[MOST_CHANNELS];
-} channels;
-
-static void set_scale(channels *c, const saga_model *m, int kind,
+static void set_scale(saga_away_channels *c, const saga_model *m, int kind,
                       bool has_network)
 {
     for (size_t i = 0; i < saga_n_channels(m, kind); i++) {
@@ -41,7 +31,8 @@ static void set_scale(channels *c, const saga_model *m, int kind,
 }
 
 /* Makes a network without inputs of a kind's constants. */
-static void set_constants(channels *c, const saga_rate *r, size_t n, int kind)
+static void set_constants(saga_away_channels *c, const saga_rate *r, size_t n,
+                          int kind)
 {
     const saga_net net = { .n_layers = 1, .dim = { 0, 2 * (int)n } };
 
@@ -54,7 +45,7 @@ static void set_constants(channels *c, const saga_rate *r, size_t n, int kind)
     saga_net_bind(&c->d_constants, c->d_biases);
 }
 
-static saga_gpu_rate_kind kind_of(channels *c, const saga_rate *r,
+static saga_gpu_rate_kind kind_of(saga_away_channels *c, const saga_rate *r,
                                   const saga_scene *s, saga_scene *d, int kind)
 {
     const saga_model *const m = &s->model;
@@ -84,32 +75,46 @@ static saga_gpu_rate_kind kind_of(channels *c, const saga_rate *r,
     return k;
 }
 
-/* Sets all but how an iteration looks at blocks. */
-static void set_kinds(saga_gpu_rates *to, channels c[SAGA_N_KINDS],
-                      const saga_rate *r, const saga_scene *s, saga_scene *d)
+/* Returns where parameters begin: behind those of primitives and F_fine. */
+static uint32_t first_param(const saga_scene *s)
 {
-    *to = (saga_gpu_rates){ .n = s->n.coarse,
-                            .every = 1,
-                            .features = s->model.features,
-                            .octaves = s->model.octaves };
+    return saga_away_n_params(s) +
+           (uint32_t)saga_net_n_params(&s->net[SAGA_NET_FINE]);
+}
+
+/* Sets all but how an iteration looks at blocks. */
+static void set_kinds(saga_away_rates *a, const saga_rate *r,
+                      const saga_scene *s, saga_scene *d)
+{
+    memset(a->kind, 0, sizeof a->kind);
+    a->to = (saga_gpu_rates){ .n = s->n.coarse,
+                              .every = 1,
+                              .features = s->model.features,
+                              .octaves = s->model.octaves,
+                              .base = first_param(s) };
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
-        to->kind[kind] = kind_of(&c[kind], r, s, d, kind);
-        to->bits[kind] = c[kind].bits;
+        a->to.kind[kind] = kind_of(&a->kind[kind], r, s, d, kind);
+        a->to.bits[kind] = a->kind[kind].bits;
     }
+}
+
+bool saga_away_has_own(const saga_scene *s)
+{
+    bool own = s->n.coarse == s->n.fine && s->n.fine == s->n.prim;
+
+    for (uint32_t i = 0; i < s->n.prim && own; i++)
+        own = s->prim_fine[i] == i && s->fine[i].parent == i;
+    return own;
 }
 
 bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
                         const saga_scene *s)
 {
-    channels c[SAGA_N_KINDS] = { 0 };
     saga_scene d = *s;
-    saga_gpu_rates rates;
-    bool own = s->n.coarse == s->n.fine && s->n.fine == s->n.prim;
+    saga_away_rates a;
 
-    for (uint32_t i = 0; i < s->n.prim && own; i++)
-        own = s->prim_fine[i] == i && s->fine[i].parent == i;
-    set_kinds(&rates, c, r, s, &d);
-    return own && saga_gpu_can_rate(gpu, &rates);
+    set_kinds(&a, r, s, &d);
+    return saga_gpu_can_rate(gpu, &a.to);
 }
 
 /* --- What stays ---------------------------------------------------------- */
@@ -170,72 +175,26 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
 
 /* --- An iteration -------------------------------------------------------- */
 
-static void add_bits(double bits[SAGA_N_STEPS], const saga_gpu_rates *r,
-                     const saga_model *m)
+void saga_away_list_rates(saga_away_rates *a, saga_rate *r, saga_scene *d,
+                          const saga_scene *s, const saga_rate_options *o)
 {
+    a->rounded = saga_rate_rounded(r, s);
+    set_kinds(a, r, &a->rounded, d);
+    a->to.first = o->first;
+    a->to.every = o->every;
+    a->to.rounding = o->rounding;
+    a->to.weight = o->weight * R(o->every);
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        a->to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
+}
+
+void saga_away_bits(double bits[SAGA_N_STEPS], const saga_away_rates *a)
+{
+    const saga_model *const m = &a->rounded.model;
+
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         for (size_t c = 0; c < saga_n_channels(m, kind); c++)
-            bits[saga_rate_step_of(kind, c)] += r->every *
-                                                (double)r->bits[kind][c];
-}
-
-/* Returns where parameters begin: behind those of primitives and F_fine. */
-static uint32_t first_param(const saga_scene *s)
-{
-    return saga_away_n_params(s) +
-           (uint32_t)saga_net_n_params(&s->net[SAGA_NET_FINE]);
-}
-
-bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
-                    saga_scene *d, const saga_scene *s,
-                    const saga_rate_options *o, saga_error *error)
-{
-    const saga_scene rounded = saga_rate_rounded(r, s);
-    channels c[SAGA_N_KINDS] = { 0 };
-    saga_gpu_rates to;
-
-    set_kinds(&to, c, r, &rounded, d);
-    to.first = o->first;
-    to.every = o->every;
-    to.rounding = o->rounding;
-    to.weight = o->weight * R(o->every);
-    to.base = first_param(s);
-    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
-        to.kind[kind].key = saga_rng_stream(o->seed, (uint64_t)kind).key;
-    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    if (!saga_gpu_rate(g, &to, error))
-        return false;
-    add_bits(bits, &to, &s->model);
-    return true;
-}
-
-/* --- Room ---------------------------------------------------------------- */
-
-/* An anchor has at most as many links in a set as a model has neighbours. */
-static uint32_t most_links(const saga_scene *s)
-{
-    const uint32_t coarse = s->model.tier[SAGA_TIER_COARSE].neighbours;
-    const uint32_t fine = s->model.tier[SAGA_TIER_FINE].neighbours;
-
-    return s->n.coarse * (coarse > fine ? coarse : fine);
-}
-
-bool saga_away_rate_room(const saga_gpu *gpu, saga_gpu_canvas *g, saga_scene *s,
-                         saga_error *error)
-{
-    saga_rate *const all = saga_calloc(1, sizeof *all, what, error);
-    channels c[SAGA_N_KINDS] = { 0 };
-    saga_gpu_rates to;
-    bool ok;
-
-    if (!all)
-        return false;
-    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
-        all->context.keep[kind] = SAGA_SOURCES_KNOWN;
-    set_kinds(&to, c, all, s, s);
-    to.base = first_param(s);
-    ok = !saga_gpu_can_rate(gpu, &to) ||
-         saga_gpu_rates_room(g, &to, most_links(s), error);
-    free(all);
-    return ok;
+            bits[saga_rate_step_of(kind, c)] += a->to.every *
+                                                (double)a->kind[kind].bits[c];
 }

@@ -9,8 +9,11 @@
 #include "gpu_rates.h"
 #include "rate_loss.h"
 
-/* Tells whether the device can evaluate the rate. The choice of sources may
- * change the answer. */
+/* Tells whether each primitive has anchors of its own, with its number. */
+bool saga_away_has_own(const saga_scene *s);
+
+/* Tells whether the device can evaluate the rate of such a scene. The choice of
+ * sources may change the answer. */
 bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
                         const saga_scene *s);
 
@@ -18,15 +21,32 @@ bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
 bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
                         const saga_scene *s, saga_error *error);
 
-/* As saga_rate_add for values that the device has. It keeps their gradients and
- * means (gpu_anchors.h), and measures no constants. Adds to the networks of
- * d. */
-bool saga_away_rate(double bits[SAGA_N_STEPS], saga_gpu_canvas *g, saga_rate *r,
-                    saga_scene *d, const saga_scene *s,
-                    const saga_rate_options *o, saga_error *error);
+/* What a kind reads besides its networks, and what comes of it. */
+enum { SAGA_AWAY_MOST_CHANNELS = 4 + SAGA_MAX_FEATURES };
 
-/* As saga_away_room, with all sources. */
-bool saga_away_rate_room(const saga_gpu *gpu, saga_gpu_canvas *g, saga_scene *s,
-                         saga_error *error);
+typedef struct saga_away_channels {
+    saga_net constants, d_constants;
+    real biases[2 * SAGA_AWAY_MOST_CHANNELS];
+    real d_biases[2 * SAGA_AWAY_MOST_CHANNELS];
+    real scale[SAGA_AWAY_MOST_CHANNELS][3]; /* unit of mu, its bound, step */
+    real bits[SAGA_AWAY_MOST_CHANNELS];
+} saga_away_channels;
+
+/* The rate for a device. It is not to be moved, since the first member points
+ * to others. */
+typedef struct saga_away_rates {
+    saga_gpu_rates to;
+    saga_scene rounded; /* the scene, with networks as they are coded */
+    saga_away_channels kind[SAGA_N_KINDS];
+} saga_away_rates;
+
+/* Sets a to the rate of values that the device has: saga_rate_add, but that the
+ * device keeps their gradients and means (gpu_anchors.h) and that no constants
+ * are measured. Adds to the networks of d. */
+void saga_away_list_rates(saga_away_rates *a, saga_rate *r, saga_scene *d,
+                          const saga_scene *s, const saga_rate_options *o);
+
+/* Sets bits to those that an iteration has evaluated. */
+void saga_away_bits(double bits[SAGA_N_STEPS], const saga_away_rates *a);
 
 #endif

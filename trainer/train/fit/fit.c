@@ -79,6 +79,7 @@ static bool begin_fit(saga_fit *f, saga_error *error)
     if (f->o.given)
         memcpy(s->params, f->o.given->scene.params,
                saga_fit_n_params(s) * sizeof *s->params);
+    f->has_own = saga_away_has_own(s);
     if (!alloc_all(f, error) || !limit_sizes(f, error) ||
         !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))

@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "fit_away.h"
 
-/* The most outputs that a network can have. */
-enum { MOST_OUTPUTS = 256 };
-
 static const int nets[SAGA_GPU_N_NETS] = {
     [SAGA_GPU_GEO] = SAGA_NET_GEO,
     [SAGA_GPU_COLOUR_BASE] = SAGA_NET_COLOUR_BASE,
@@ -60,27 +57,14 @@ bool saga_away_can(const saga_gpu *gpu, const saga_away *a)
 {
     const saga_gpu_prims p = prims_of(a->scene, a->d, a->scene->n.prim);
 
-    return a->twin->whole && a->scene->net[SAGA_NET_RES].n_layers == 0 &&
+    return a->scene->net[SAGA_NET_RES].n_layers == 0 &&
            saga_gpu_can_learn_prims(gpu, &p);
 }
 
-bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
-                     uint32_t n, const saga_canvas *canvas, saga_error *error)
+void saga_away_list_prims(saga_away_prims *p, const saga_away *a, uint32_t n)
 {
-    saga_attr_part part[MOST_OUTPUTS];
-    saga_gpu_prims p = prims_of(a->scene, a->d, n);
-
-    p.part = part;
-    p.size_price = a->size_price;
-    saga_twin_parts(part, a->scene);
-    return saga_gpu_learn_prims(g, mse, &p, canvas, error);
-}
-
-bool saga_away_room(const saga_gpu *gpu, saga_gpu_canvas *g,
-                    const saga_canvas *canvas, saga_scene *s, saga_error *error)
-{
-    const saga_gpu_prims p = prims_of(s, s, s->n.prim);
-
-    return !saga_gpu_can_learn_prims(gpu, &p) ||
-           saga_gpu_prims_room(g, &p, canvas, error);
+    p->to = prims_of(a->scene, a->d, n);
+    p->to.part = p->part;
+    p->to.size_price = a->size_price;
+    saga_twin_parts(p->part, a->scene);
 }

@@ -11,7 +11,6 @@
 
 /* A scene as a device learns it. */
 typedef struct saga_away {
-    const saga_twin *twin;
     const saga_scene *scene; /* that the twin runs */
     saga_scene *d;           /* gradients of its networks */
     real size_price;         /* of saga_twin_size_loss */
@@ -28,21 +27,21 @@ void saga_away_limits(real *limit, const real *most, const real *level,
 /* Returns the number of parameters of these networks. */
 uint32_t saga_away_n_params(const saga_scene *s);
 
-/* Tells whether the device can run the networks of the scene's primitives,
- * which the links of the twin's last refresh decide, too. */
+/* Tells whether the device can run the networks of the scene's primitives, if
+ * these read anchors of their own alone (saga_twin.whole). */
 bool saga_away_can(const saga_gpu *gpu, const saga_away *a);
 
-/* Draws the first n primitives as seen by the canvas's camera, compares with
- * the truth of saga_gpu_show, and adds the gradients of networks, with those of
- * saga_twin_size_loss. Sets *mse. */
-bool saga_away_learn(saga_gpu_canvas *g, double *mse, const saga_away *a,
-                     uint32_t n, const saga_canvas *canvas, saga_error *error);
+/* The networks of primitives for a device. It is not to be moved, since the
+ * first member points to others. */
+enum { SAGA_AWAY_MOST_OUTPUTS = 256 };
 
-/* Makes the room that this takes on a device that can do it, for a plan
- * (gpu_splat.h): of the scene only model, counts and shapes of networks count.
- */
-bool saga_away_room(const saga_gpu *gpu, saga_gpu_canvas *g,
-                    const saga_canvas *canvas, saga_scene *s,
-                    saga_error *error);
+typedef struct saga_away_prims {
+    saga_gpu_prims to;
+    saga_attr_part part[SAGA_AWAY_MOST_OUTPUTS];
+} saga_away_prims;
+
+/* Sets p to those of the first n primitives, which add the gradients of
+ * networks, with those of saga_twin_size_loss. */
+void saga_away_list_prims(saga_away_prims *p, const saga_away *a, uint32_t n);
 
 #endif

@@ -66,6 +66,7 @@ struct saga_fit {
     real *most_size;      /* (prim) log2 of the deviation from which on it
                            * has a price */
     real *level, *limit;  /* of saga_away_levels and _limits, or NULL */
+    bool has_own;         /* saga_away_has_own() */
     bool is_rated_away;   /* the device has what the rate reads and does not
                            * change */
     bool is_there;        /* the device has all that learns but networks */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "fit_stay.h"
 
-#include "gpu_anchors.h"
+#include "gpu_iterate.h"
 #include "suffix.h"
 
 /* Tells whether a model's neighbours may change, or offsets have constants. One
@@ -19,15 +19,16 @@ static bool has_to_look(const saga_fit *f)
 bool saga_fit_can_stay(const saga_fit *f)
 {
     saga_scene d = f->grad;
-    const saga_away away = { .twin = &f->twin, .scene = f->scene, .d = &d };
+    const saga_away away = { .scene = f->scene, .d = &d };
     const bool looks = f->iteration == 0 ||
                        (f->iteration % SAGA_FIT_REFRESH_EVERY == 0 &&
                         has_to_look(f));
     const bool chooses = saga_fit_is_rounding(f) && !f->o.given &&
                          !f->rate.decision.decided;
 
-    return f->gpu && f->descent.away && !chooses && !looks &&
-           !saga_fit_rounds_layers(f) && saga_away_can(f->o.gpu, &away) &&
+    return f->gpu && f->descent.away && f->has_own && f->twin.whole &&
+           !chooses && !looks && !saga_fit_rounds_layers(f) &&
+           saga_away_can(f->o.gpu, &away) &&
            saga_away_can_rate(f->o.gpu, &f->rate, f->scene);
 }
 
@@ -94,6 +95,15 @@ bool saga_fit_bring(saga_fit *f, saga_error *error)
 
 /* --- An iteration -------------------------------------------------------- */
 
+/* Tells whether features have constants. These are measured in every iteration,
+ * as on the host: features are rounded around them, and coded around those of
+ * the end. Constants of 50 iterations before cost 0.3 dB. */
+static bool has_constants(const saga_fit *f)
+{
+    return !f->rate.decision.given &&
+           !saga_rate_sources(&f->rate.context, f->scene, SAGA_KIND_COARSE);
+}
+
 static saga_gpu_turn turn_of(saga_fit *f, const saga_block_adam *features,
                              const saga_adam *adam)
 {
@@ -118,25 +128,9 @@ static saga_gpu_turn turn_of(saga_fit *f, const saga_block_adam *features,
         .adam = adam,
         .step = (uint64_t)f->iteration + 1,
         .prim_rate = saga_fit_rates_now(f).prim,
-        .blocks = features
+        .blocks = features,
+        .looks = has_constants(f)
     };
-}
-
-/* Measures the constants of features in every iteration, as the host does: they
- * are rounded around these, and coded around those of the end. Constants of 50
- * iterations before cost 0.3 dB. */
-static bool measure(saga_fit *f, const saga_block_adam *features,
-                    saga_error *error)
-{
-    const saga_rate_input x = { f->scene, &f->twin, NULL };
-
-    if (f->rate.decision.given ||
-        saga_rate_sources(&f->rate.context, f->scene, SAGA_KIND_COARSE))
-        return true;
-    if (!saga_gpu_blocks_look(f->descent.away, features, error))
-        return false;
-    saga_rate_measure(&f->rate, &x, SAGA_KIND_COARSE);
-    return true;
 }
 
 bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
@@ -144,21 +138,28 @@ bool saga_fit_stay(saga_fit *f, double *mse, saga_sample picture,
 {
     const saga_adam adam = saga_adam_default();
     const saga_block_adam features = saga_fit_features(f);
-    const saga_gpu_turn t = turn_of(f, &features, &adam);
-    const saga_away away = { .twin = &f->twin,
-                             .scene = &f->used,
+    const saga_gpu_turn turn = turn_of(f, &features, &adam);
+    const saga_away away = { .scene = &f->used,
                              .d = &f->grad,
                              .size_price = saga_fit_size_price(f) };
     const saga_rate_options o = saga_fit_rate_options(f);
+    const saga_rate_input x = { f->scene, &f->twin, NULL };
+    saga_away_prims prims;
+    saga_away_rates rates;
 
-    if (!go_there(f, &features, error))
+    if (!go_there(f, &features, error) ||
+        !saga_gpu_show(f->gpu, &f->canvas, picture, error))
         return false;
+    /* The host has the features of the iteration before. */
+    if (turn.looks)
+        saga_rate_measure(&f->rate, &x, SAGA_KIND_COARSE);
+    saga_away_list_prims(&prims, &away, n_drawn);
+    saga_away_list_rates(&rates, &f->rate, &f->grad, f->scene, &o);
     f->is_newer_there = f->descent.is_newer = true;
-    return saga_gpu_anchors_forward(f->gpu, f->descent.away, &t, error) &&
-           saga_gpu_show(f->gpu, &f->canvas, picture, error) &&
-           saga_away_learn(f->gpu, mse, &away, n_drawn, &f->canvas, error) &&
-           measure(f, &features, error) &&
-           saga_away_rate(f->bits, f->gpu, &f->rate, &f->grad, f->scene, &o,
-                          error) &&
-           saga_gpu_anchors_backward(f->gpu, f->descent.away, &t, error);
+    if (!saga_gpu_iterate(f->gpu, f->descent.away, mse,
+                          &(saga_gpu_iteration){ &turn, &prims.to, &rates.to },
+                          &f->canvas, error))
+        return false;
+    saga_away_bits(f->bits, &rates);
+    return true;
 }
