@@ -55,8 +55,9 @@ DESTDIR =
 
 # The inner loops of the decoder are compiled with HOT_OPT.
 HOT = $(addprefix common/,context fine syntax_segment interp mlp mlp_avx2 \
-                  fx_math sine_avx2 nets memory_bank) decoder/reconstruct \
-      $(addprefix decoder/,raster raster_list raster_write blend) \
+                  fx_math sine_avx2 nets memory_bank) decoder/range_dec \
+      $(addprefix decoder/,reconstruct raster raster_list raster_write \
+                  blend) \
       $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
       $(addprefix decoder/arch/splats_,avx2 neon)
 

@@ -167,6 +167,12 @@ static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
                                                   shift - 14);
 }
 
+static uint32_t group_of(const saga_scaffold *sc, int tier, uint32_t rank)
+{
+    return tier == SAGA_TIER_COARSE ? sc->coarse[rank].group
+                                    : sc->fine[rank].group;
+}
+
 /* Finds the nearest K candidates. */
 static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
                          uint32_t before)
@@ -177,18 +183,20 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
     const uint32_t first = centre > l->window ? centre - l->window : 0;
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
-    uint32_t rank;
+    uint8_t candidate[2 * SAGA_MAX_WINDOW + 1]; /* ranks from first on */
+    uint32_t n_candidates = 0, rank, i;
 
+    /* Anchors of this group and of later ones are not decoded yet. They are
+     * left out without a branch, which processors would often guess wrong. */
     for (rank = first; rank <= last; rank++) {
-        const uint32_t group = s->tier == SAGA_TIER_COARSE
-                                   ? sc->coarse[rank].group
-                                   : sc->fine[rank].group;
-        uint32_t limit, d;
+        candidate[n_candidates] = (uint8_t)(rank - first);
+        n_candidates += group_of(sc, s->tier, rank) < before;
+    }
+    for (i = 0; i < n_candidates; i++) {
+        const uint32_t limit = limit_q12(nb, l);
+        uint32_t d;
 
-        /* Anchors of this group and of later ones are not decoded yet. */
-        if (group >= before)
-            continue;
-        limit = limit_q12(nb, l);
+        rank = first + candidate[i];
         d = distance_q12(s, rank, limit);
         if (d < limit)
             insert(nb, l->neighbours, rank, d);
