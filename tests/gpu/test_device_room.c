@@ -106,5 +106,6 @@ TEST(a_plan_should_refuse_what_no_buffer_can_have)
     assert_false(saga_train_device_room(&plan, &t.capture, &o, &refusal));
     assert_non_null(strstr(refusal.message, "use fewer --primitives"));
     assert_int_equal(plan.need + plan.warm + plan.render, 0);
+    assert_true(plan.is_refused);
     tiny_close(&t);
 }

@@ -377,48 +377,127 @@ TEST(teachers_should_draw_as_on_the_host)
 
 /* --- Steps --------------------------------------------------------------- */
 
+enum { STEPPED = 700 };
+
+/* A set of the warm-up. */
+typedef struct {
+    saga_splat_params value, m, v;
+    real sums[3 * STEPPED];
+    uint32_t seen[STEPPED];
+} flat_set;
+
+static flat_set *new_set(void)
+{
+    flat_set *const s = zeroed(1, sizeof *s);
+
+    s->value = scene_alloc(STEPPED);
+    s->m = scene_alloc(STEPPED);
+    s->v = scene_alloc(STEPPED);
+    return s;
+}
+
+static void free_set(flat_set *s)
+{
+    saga_params_free(&s->value);
+    saga_params_free(&s->m);
+    saga_params_free(&s->v);
+    free(s);
+}
+
+/* Returns a set after a step of the fixture's primitives, of which `lacks` is
+ * an attribute that they do not have or -1. The device has room for so many
+ * pairs at first; 0: for enough. */
+static flat_set *stepped(const world *w, fixture *f, const saga_gpu_rules *r,
+                         int lacks, uint32_t room)
+{
+    const saga_sample sample = { .view = w->pictures.train[0], .frame = 1 };
+    const saga_splat_camera camera = f->c.camera;
+    flat_set *const s = new_set();
+    saga_gpu_set set = { .n = STEPPED,
+                         .value = f->p,
+                         .m = s->m,
+                         .v = s->v,
+                         .stats = { s->sums, s->sums + STEPPED, s->seen },
+                         .worth = s->sums + 2 * STEPPED };
+    saga_gpu_canvas *g;
+    double mse;
+
+    if (lacks >= 0)
+        set.value.of[lacks] = set.m.of[lacks] = set.v.of[lacks] = NULL;
+    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
+    assert_done(saga_gpu_show(g, &f->c, sample, &error));
+    f->c.camera = camera;
+    g->most_pairs = room;
+    assert_done(saga_gpu_put(g, &set, &error));
+    assert_done(saga_gpu_step(g, &mse, &f->c, r, &error));
+    set.value = s->value;
+    if (lacks >= 0)
+        set.value.of[lacks] = NULL;
+    assert_done(saga_gpu_get(g, &set, &error));
+    saga_gpu_canvas_free(g);
+    return s;
+}
+
+static saga_gpu_rules new_rules(const saga_adam *adam)
+{
+    saga_gpu_rules r = { .adam = adam, .step = 1 };
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        r.lo[a] = -1000;
+        r.hi[a] = 1000;
+    }
+    return r;
+}
+
 /* Primitives that do not rotate have no slopes, whose place in the block is
  * that of others. If centres in time alone learn, what does not move on a path
  * must stay, bit by bit. */
 TEST(a_step_should_not_turn_what_has_no_slope)
 {
-    world *const w = world_of(state);
-    enum { STEPPED = 700 };
-    fixture *const f = new_fixture(STEPPED, W, H, 3, 3);
-    FREED_BY(saga_params_free) saga_splat_params after = scene_alloc(STEPPED);
-    FREED_BY(saga_params_free) saga_splat_params both = scene_alloc(STEPPED);
-    const saga_sample sample = { .view = w->pictures.train[0], .frame = 1 };
-    const saga_splat_camera camera = f->c.camera;
     const saga_adam adam = saga_adam_default();
-    saga_gpu_rules rules = { .adam = &adam, .step = 1 };
-    FREED real *const zero = zeroed(3 * STEPPED, sizeof *zero);
-    FREED uint32_t *const seen = zeroed(STEPPED, sizeof *seen);
-    saga_splat_params p = f->p, to = after, moments = both;
-    saga_gpu_set set = { .n = STEPPED,
-                         .stats = { zero, zero + STEPPED, seen },
-                         .worth = zero + 2 * STEPPED };
-    saga_gpu_canvas *g;
-    double mse;
+    saga_gpu_rules rules = new_rules(&adam);
+    fixture *const f = new_fixture(STEPPED, W, H, 3, 3);
+    flat_set *s;
 
-    p.slope = to.slope = moments.slope = NULL;
-    set.value = p;
-    set.m = set.v = moments;
-    for (int a = 0; a < SAGA_N_ATTRS; a++) {
-        rules.lo[a] = -1000;
-        rules.hi[a] = 1000;
-    }
     rules.rate[SAGA_ATTR_T_CENTRE] = R(0.01);
-    assert_done(g = saga_gpu_canvas_new(w->gpu, &w->pictures, &error));
-    assert_done(saga_gpu_show(g, &f->c, sample, &error));
-    f->c.camera = camera;
-    assert_done(saga_gpu_put(g, &set, &error));
-    assert_done(saga_gpu_step(g, &mse, &f->c, &rules, &error));
-    set.value = to;
-    assert_done(saga_gpu_get(g, &set, &error));
-    assert_memory_not_equal(to.t_centre, p.t_centre, STEPPED * sizeof(real));
-    assert_memory_equal(to.quat, p.quat, 4 * STEPPED * sizeof(real));
-    assert_memory_equal(to.log2_width, p.log2_width, STEPPED * sizeof(real));
-    saga_gpu_canvas_free(g);
+    s = stepped(world_of(state), f, &rules, SAGA_ATTR_SLOPE, 0);
+    assert_memory_not_equal(s->value.t_centre, f->p.t_centre,
+                            STEPPED * sizeof(real));
+    assert_memory_equal(s->value.quat, f->p.quat, 4 * STEPPED * sizeof(real));
+    assert_memory_equal(s->value.log2_width, f->p.log2_width,
+                        STEPPED * sizeof(real));
+    free_set(s);
+    free_fixture(f);
+}
+
+/* With too little room for pairs the list of commands runs again. */
+TEST(a_step_that_runs_again_should_be_done_once)
+{
+    const world *const w = world_of(state);
+    const saga_adam adam = saga_adam_default();
+    saga_gpu_rules rules = new_rules(&adam);
+    fixture *const f = new_fixture(STEPPED, W, H, 3, 3);
+    const uint64_t before = saga_gpu_n_lists(w->gpu);
+    uint64_t once;
+    flat_set *a, *b;
+
+    for (int i = 0; i < SAGA_N_ATTRS; i++)
+        rules.rate[i] = R(0.01);
+    a = stepped(w, f, &rules, -1, 0);
+    once = saga_gpu_n_lists(w->gpu) - before;
+    b = stepped(w, f, &rules, -1, 64);
+    assert_int_equal(saga_gpu_n_lists(w->gpu) - before, 2 * once + 1);
+    for (int i = 0; i < SAGA_N_ATTRS; i++) {
+        const size_t n = STEPPED * (size_t)saga_attributes[i].width;
+
+        assert_memory_equal(a->value.of[i], b->value.of[i], n * sizeof(real));
+        assert_memory_equal(a->m.of[i], b->m.of[i], n * sizeof(real));
+        assert_memory_equal(a->v.of[i], b->v.of[i], n * sizeof(real));
+    }
+    assert_memory_equal(a->sums, b->sums, sizeof a->sums);
+    assert_memory_equal(a->seen, b->seen, sizeof a->seen);
+    free_set(a);
+    free_set(b);
     free_fixture(f);
 }
 

@@ -384,6 +384,9 @@ static int check_device(saga_encode_session *s, saga_train_options *t)
                               "%.1f GB",
                               1e-9 * (double)room.need,
                               1e-9 * (double)room.memory);
+    /* Without a room that is known, it was the host whose memory is short. */
+    if (room.need == 0 && !room.is_refused)
+        return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", error.message);
     if (strcmp(s->o->device, "auto") != 0)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
     saga_gpu_close(s->gpu);

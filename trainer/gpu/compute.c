@@ -370,4 +370,17 @@ size_t saga_gpu_most(const saga_gpu *g)
     return g->properties.limits.maxStorageBufferRange;
 }
 
+bool saga_gpu_refuses(saga_gpu *g, size_t nbytes)
+{
+    const bool refuses = nbytes > saga_gpu_most(g);
+
+    g->has_refused = g->has_refused || refuses;
+    return refuses;
+}
+
+bool saga_gpu_has_refused(const saga_gpu *g)
+{
+    return g->has_refused;
+}
+
 #endif

@@ -46,8 +46,12 @@ void saga_gpu_close(saga_gpu *gpu);
 /* Returns what the device is; owned by it. */
 const saga_gpu_info *saga_gpu_is(const saga_gpu *gpu);
 
-/* Returns the largest size of a buffer that a kernel can have, in bytes. */
+/* Returns the largest size of a buffer that a kernel can have, in bytes. The
+ * other functions tell whether nbytes are more, and whether one was since
+ * saga_gpu_count was last called. */
 size_t saga_gpu_most(const saga_gpu *gpu);
+bool saga_gpu_refuses(saga_gpu *gpu, size_t nbytes);
+bool saga_gpu_has_refused(const saga_gpu *gpu);
 
 /* Where a buffer lives: in the device's memory; where the host writes and the
  * device reads; or where the device writes and the host reads. The last two

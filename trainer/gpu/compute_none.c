@@ -47,6 +47,19 @@ size_t saga_gpu_most(const saga_gpu *g)
     return 0;
 }
 
+bool saga_gpu_refuses(saga_gpu *g, size_t nbytes)
+{
+    (void)g;
+    (void)nbytes;
+    return true;
+}
+
+bool saga_gpu_has_refused(const saga_gpu *g)
+{
+    (void)g;
+    return true;
+}
+
 bool saga_gpu_alloc(saga_gpu_buffer *b, saga_gpu *g, size_t nbytes,
                     saga_gpu_place place, const char *what, saga_error *error)
 {

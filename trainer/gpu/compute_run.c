@@ -88,6 +88,7 @@ uint64_t saga_gpu_count(saga_gpu *g, bool on)
     const uint64_t most = g->most_held;
 
     g->is_counting = on;
+    g->has_refused = false;
     g->most_held = g->held;
     return most;
 }
@@ -253,6 +254,7 @@ static VkDescriptorSet bind_buffers(saga_gpu *g, const saga_gpu_job *job)
     VkWriteDescriptorSet write[SAGA_GPU_MOST_BUFFERS];
     VkDescriptorSet set = VK_NULL_HANDLE;
 
+    /* Sets live until the next list begins, which resets their pool. */
     if (!saga_gpu_ok(g, g->vk.vkAllocateDescriptorSets(g->device, &info, &set)))
         return VK_NULL_HANDLE;
     for (uint32_t i = 0; i < n; i++) {

@@ -40,6 +40,7 @@ struct saga_gpu {
     VkDescriptorPool sets;
 
     bool is_counting;         /* buffers get no memory */
+    bool has_refused;         /* a buffer that is too large for kernels */
     uint64_t held, most_held; /* bytes of the device's own memory */
 
     uint64_t n_lists; /* that were submitted */

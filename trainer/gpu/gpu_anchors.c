@@ -206,24 +206,21 @@ void saga_gpu_turn_forward(saga_gpu_canvas *g, const saga_gpu_turn_run *s)
 
 /* --- Backward ------------------------------------------------------------ */
 
-static void clear(saga_gpu_canvas *g, int buffer, size_t n)
-{
-    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
-}
-
 void saga_gpu_turn_clear(saga_gpu_canvas *g, const saga_gpu_turn_run *s)
 {
     const size_t n = s->t->n;
 
     /* A picture may be of the first primitives only. */
-    clear(g, GPU_D_FEATURE, n * s->t->features);
-    clear(g, GPU_D_PLACE, 4 * n);
-    clear(g, GPU_D_LOG2, 4 * n);
+    saga_gpu_clear(g, GPU_D_FEATURE, n * s->t->features);
+    saga_gpu_clear(g, GPU_D_PLACE, 4 * n);
+    saga_gpu_clear(g, GPU_D_LOG2, 4 * n);
 }
 
 static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
                             const saga_gpu_layers *s, const saga_gpu_turn *t)
 {
+    /* Adam's corrections of the bias are the same for all, so the kernel gets
+     * them as factors. */
     const double c1 = 1 - pow((double)t->adam->beta1, (double)t->step);
     const double c2 = 1 - pow((double)t->adam->beta2, (double)t->step);
     const float reals[] = { (float)t->least_x,
@@ -251,6 +248,7 @@ static void record_learning(saga_gpu_canvas *g, const saga_gpu_blocks *b,
     memcpy(push + 2, reals, sizeof reals);
     for (int i = 0; i < N; i++)
         job.buffer[i] = &g->on[list[i]];
+    /* The last buffer is the only one that the canvas does not own. */
     job.buffer[N] = saga_gpu_blocks_flag(b);
     saga_gpu_run(g->gpu, &job);
 }

@@ -237,6 +237,7 @@ static int list_readings(reading list[MOST_SOURCES],
     int n = 0;
 
     for (uint32_t source = 1; source < SAGA_SOURCE_BANK; source <<= 1) {
+        /* HYPER has the columns of its source, but other rows. */
         reading of = source == SAGA_SOURCE_PARENT ? parent_of(s, kind)
                                                   : groups_of(s, kind);
 
@@ -293,6 +294,9 @@ static void record_cost(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
     const uint64_t key = r->kind[kind].key;
     const float reals[] = { (float)r->weight, (float)r->kind[kind].mu_scale,
                             (float)LOG2_MIN, (float)LOG2_MAX };
+    /* Values get noise where they are made if they learn; others here. Of a
+     * kind of which nothing learns, the kernel writes neither means nor
+     * gradients, and has any buffer for them. */
     const bool learns = k->learned < k->n_channels;
     const bool is_prim = kind == SAGA_KIND_PRIM;
     uint32_t push[13] = { s->n_rows,
@@ -332,15 +336,10 @@ static void record_kind(saga_gpu_canvas *g, const saga_gpu_rates_run *s,
     saga_gpu_layers_sum(g, l);
 }
 
-static void clear(saga_gpu_canvas *g, int buffer, size_t n)
-{
-    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(real), 0);
-}
-
 void saga_gpu_record_rates(saga_gpu_canvas *g, const saga_gpu_rates_run *s)
 {
-    clear(g, GPU_D_COARSE, s->r->n * s->r->features);
-    clear(g, GPU_D_OFFSET, 4 * (size_t)s->r->n);
+    saga_gpu_clear(g, GPU_D_COARSE, s->r->n * s->r->features);
+    saga_gpu_clear(g, GPU_D_OFFSET, 4 * (size_t)s->r->n);
     for (int k = 0; k < SAGA_N_KINDS; k++)
         record_kind(g, s, k);
 }

@@ -7,7 +7,7 @@
 bool saga_gpu_room(saga_gpu_canvas *g, int b, size_t nbytes, const char *of,
                    saga_error *error)
 {
-    if (nbytes > saga_gpu_most(g->gpu))
+    if (saga_gpu_refuses(g->gpu, nbytes))
         return saga_fail(error, NULL,
                          "use fewer --primitives, a smaller --scale, or "
                          "--device cpu",
@@ -33,6 +33,11 @@ bool saga_gpu_rooms(saga_gpu_canvas *g, const saga_gpu_need *table, size_t n,
             if (!saga_gpu_room(g, b, table[i].n * sizeof(uint32_t), of, error))
                 return false;
     return true;
+}
+
+void saga_gpu_clear(saga_gpu_canvas *g, int buffer, size_t n)
+{
+    saga_gpu_fill(g->gpu, &g->on[buffer], 0, n * sizeof(uint32_t), 0);
 }
 
 void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,

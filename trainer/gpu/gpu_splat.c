@@ -258,7 +258,7 @@ void saga_gpu_record_lists(saga_gpu_canvas *g)
                          GPU_SPLAT, GPU_TILE, GPU_SLOT, GPU_OWNER, GPU_RECORD,
                          -1 });
     sort(g, GPU_TILE, GPU_SLOT, 0, f->most_pairs, bits_of(n_tiles));
-    saga_gpu_fill(g->gpu, &g->on[GPU_RANGE], 0, 8 * (size_t)n_tiles, 0);
+    saga_gpu_clear(g, GPU_RANGE, 2 * (size_t)n_tiles);
     saga_gpu_do(g, SAGA_KERNEL_RANGES,
                 saga_n_parts(f->most_pairs, SAGA_GPU_BLOCK),
                 (int[]){ GPU_FRAME, GPU_TOTAL, GPU_TILE, GPU_RANGE, -1 });
@@ -403,7 +403,7 @@ static void record_learning(saga_gpu_canvas *g)
     saga_gpu_record_lists(g);
     saga_gpu_record_truth(g);
     saga_gpu_record_tiles(g);
-    saga_gpu_fill(g->gpu, &g->on[GPU_STAT], 0, 3 * n * word, 0);
+    saga_gpu_clear(g, GPU_STAT, 3 * n);
     saga_gpu_record_back(g);
     saga_gpu_record_sums(g, 0);
     saga_gpu_copy(g->gpu, &g->down, at, &g->on[GPU_GRAD], 0, grads);

@@ -145,6 +145,8 @@ bool saga_gpu_rooms(saga_gpu_canvas *g, const saga_gpu_need *table, size_t n,
                     const char *what, saga_error *error);
 #define SAGA_GPU_ROOMS(g, table, what, error) \
     saga_gpu_rooms(g, table, sizeof(table) / sizeof *(table), what, error)
+/* Records that n words become 0. */
+void saga_gpu_clear(saga_gpu_canvas *g, int buffer, size_t n);
 /* Records a kernel, with n_push words of push constants or none; the list of
  * buffers ends with -1. */
 void saga_gpu_do_with(saga_gpu_canvas *g, int kernel, size_t n_groups,

@@ -67,6 +67,7 @@ static saga_gpu_rate_kind kind_of(saga_away_channels *c, const saga_rate *r,
     const bool has_network = saga_rate_sources(&r->context, s, kind) != 0;
 
     set_scale(c, m, kind, has_network);
+    /* A kind without sources has a network of constants in place of its own. */
     if (!has_network) {
         set_constants(c, r, n, kind);
         k.net = &c->constants;
@@ -165,6 +166,7 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
     };
     bool ok = span && offset;
 
+    /* Positions of primitives and their sizes change, so they are not here. */
     if (ok)
         set_places(span, offset, phase, r, s);
     ok = ok && saga_gpu_put_rates(g, &to, error);

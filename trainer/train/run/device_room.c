@@ -67,11 +67,13 @@ static bool count(saga_device_room *room, const saga_pictures *pictures,
 
     saga_gpu_count(o->gpu, true);
     ok = warm_room(pictures, canvas, o, error);
+    r.is_refused = saga_gpu_has_refused(o->gpu);
     r.warm = saga_gpu_count(o->gpu, true);
     ok = ok && render_room(pictures, canvas, o, error);
+    r.is_refused = r.is_refused || saga_gpu_has_refused(o->gpu);
     r.render = saga_gpu_count(o->gpu, false);
     r.need = r.warm > r.render ? r.warm : r.render;
-    *room = ok ? r : (saga_device_room){ .need = 0 };
+    *room = ok ? r : (saga_device_room){ .is_refused = r.is_refused };
     return ok;
 }
 
@@ -85,6 +87,7 @@ bool saga_train_device_room(saga_device_room *room, const saga_capture *capture,
     saga_splat_params base = { 0 };
     bool ok;
 
+    *room = (saga_device_room){ .need = 0 };
     saga_options_derive(&o);
     if (o.n_segments > 1) {
         if (!saga_params_alloc(&base, saga_attrs_of_tools(0, true),

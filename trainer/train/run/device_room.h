@@ -13,6 +13,7 @@ typedef struct saga_device_room {
     uint64_t render; /* and in the rendering stage */
     uint64_t need;   /* the larger of both */
     uint64_t memory; /* what the device has */
+    bool is_refused; /* a buffer would be larger than the device allows */
 } saga_device_room;
 
 /* Finds the room of training a segment, of which the capture has at least
@@ -21,8 +22,8 @@ typedef struct saga_device_room {
  * a moving scene is assumed to have all temporal tools, segments to have a base
  * with as many primitives, and the warm-up to grow as far as it may. Buffers
  * must not be there yet. Returns false with *error set, and a remedy, if a
- * buffer would be larger than the device allows, or if memory is short; then
- * *room is all zero. */
+ * buffer would be larger than the device allows, or if the host's memory is
+ * short; then *room is all zero but for is_refused. */
 bool saga_train_device_room(saga_device_room *room, const saga_capture *capture,
                             const saga_train_options *o, saga_error *error);
 
