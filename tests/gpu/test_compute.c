@@ -255,10 +255,10 @@ TEST(a_list_that_is_too_long_should_be_an_error_and_the_next_one_work)
 
     make(&s, g);
     saga_gpu_begin(g);
-    for (int i = 0; i < 200; i++)
+    for (int i = 0; i < 300; i++)
         scan(&s, g, 1, 0);
     assert_false(saga_gpu_finish(g, &e));
-    assert_non_null(strstr(e.message, "more than 256 jobs"));
+    assert_non_null(strstr(e.message, "more than 512 jobs"));
     *(uint32_t *)s.from.map = 3;
     saga_gpu_begin(g);
     scan(&s, g, 1, 0);
