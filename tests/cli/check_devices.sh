@@ -139,6 +139,9 @@ for f in report["forecast"]:
     assert f["device_lacks"] is None, f
     most = f["device_nbytes"]
 PYTHON
+expect 0 check "$tmp/scene" --quiet --device 0 --html "$tmp/check.html"
+grep -qE '<td>0\.0[0-9] of [0-9.]+ GB of llvmpipe' "$tmp/check.html" ||
+    complain "the page has no word of the device's memory"
 expect 0 check "$tmp/scene" --quiet --json
 grep -q '"device": null' "$tmp/out" || complain "check without --device has one"
 expect 2 check "$tmp/scene" --quiet --device 99

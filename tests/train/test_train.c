@@ -722,7 +722,7 @@ TEST(train_should_keep_temporal_tools_when_something_moves)
     free(r.bytes);
 }
 
-/* Moving scenes have what pays, and the paper's model all. */
+/* What is there to choose from: so short a warm-up judges no tool. */
 TEST(train_should_leave_third_order_and_rotation_to_the_paper)
 {
     for (int paper = 0; paper < 2; paper++) {

@@ -38,8 +38,8 @@ static saga_capture smaller(const saga_capture *c, saga_source_view *view,
 }
 
 /* Returns the number of teachers that a training with this preset has. It is 0
- * if no neighbouring cameras are far apart, or if there is not enough memory to
- * find out. */
+ * if fewer than half of the cameras have neighbours at the right distance
+ * (novel.h), or if there is not enough memory to find out. */
 static int teachers_of(const saga_capture *c, const saga_preset *preset)
 {
     const int n = saga_plan_teachers(preset, c);

@@ -285,7 +285,7 @@ static const saga_cli_option option_list[] = {
       "bytes on small captures (auto, the default), or all of\n"
       "them, for research (paper): shared anchors,\n"
       "interpolation, fusing networks, residual hash, memory\n"
-      "bank",
+      "bank, motion of third order, rotation in time",
       saga_cli_text, AT(model), 0, 0 },
     { "--networks-only", NULL,
       "train only the segment that makes the networks, and write\n"

@@ -23,8 +23,8 @@ static const char tail[] =
     "is needed to train on each picture `visits` times.\n"
     "still: a capture of a still scene has a number of visits of its own, and\n"
     "no more of them than fit into the CPU minutes, if these are given.\n"
-    "`saga check CAPTURE` prints the numbers for a capture. All presets use a\n"
-    "tool of the format if it saves bytes.\n";
+    "`saga check CAPTURE` prints the numbers for a capture. All presets use\n"
+    "the tools of the format that save bytes, as --model auto says.\n";
 
 void saga_presets_help(void)
 {

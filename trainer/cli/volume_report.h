@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reports the viewing volume of a file, for saga info and saga volume.
+ * Reports the viewing volume of a file, for saga info, eval and volume.
  */
 #ifndef SAGA_VOLUME_REPORT_H
 #define SAGA_VOLUME_REPORT_H

@@ -150,16 +150,17 @@ static bool place_around(saga_novel *o, const saga_pictures *p, int k)
 bool saga_novel_init(saga_novel *o, const saga_pictures *p, saga_error *error)
 {
     const size_t most = (size_t)p->n_train * N_NEIGHBOURS * N_BETWEEN;
-    int n_lone = 0;
+    int n_helped = 0;
 
     memset(o, 0, sizeof *o);
     o->view = saga_calloc(most, sizeof *o->view, what, error);
     o->nearest = saga_calloc(most, sizeof *o->nearest, what, error);
     o->part = p->capture->n_frames > 1 ? MOVING_PART : STILL_PART;
     for (int k = 0; o->view && o->nearest && k < p->n_train; k++)
-        n_lone += place_around(o, p, k);
-    /* Where most views are near another one, the rest gain nothing either. */
-    if (2 * n_lone < p->n_train)
+        n_helped += place_around(o, p, k);
+    /* Where most views are near another one, the rest gain nothing either; and
+     * where most are far from all others, too little is between cameras. */
+    if (2 * n_helped < p->n_train)
         o->n_views = 0;
     if (o->view && o->nearest &&
         (o->n_views == 0 || saga_pictures_canvas(&o->canvas, p, error)))

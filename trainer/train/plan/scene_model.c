@@ -113,8 +113,8 @@ static uint32_t own_features(const saga_model *m)
 
     for (int a = 0; a < SAGA_N_ATTRS; a++)
         n += saga_attr_n_outputs(a, m);
-    /* Without motion there are 11 values and 12 features; with all tools there
-     * are 25 values and 20 features. */
+    /* Without motion there are 11 values and 12 features; with two orders of it
+     * and fading there are 18 values and 16 features. */
     return (3 * (uint32_t)n + 15) / 16 * 4;
 }
 

@@ -54,7 +54,7 @@ typedef struct saga_tool_choice {
 /* Returns the tools of the picture from which a training chooses, and with
  * whose temporal ones it warms up. The paper's model has all. Others have
  * motion of second order and no rotation in time, because four features more
- * take 8 to 13 % of a file, and at equal bytes the pictures are better without
+ * take 8 to 14 % of a file, and at equal bytes the pictures are better without
  * (docs/lab/motion.md). */
 uint32_t saga_plan_all_tools(const saga_train_options *o);
 
@@ -62,8 +62,8 @@ uint32_t saga_plan_all_tools(const saga_train_options *o);
 bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
                      saga_error *error);
 
-/* Changes n primitives that have all temporal attributes to what they are
- * without the tools that `tools` lacks. */
+/* Changes n primitives, which move and fade, to what they are without the tools
+ * that `tools` lacks. */
 void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools);
 
 #endif

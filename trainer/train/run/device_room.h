@@ -19,11 +19,11 @@ typedef struct saga_device_room {
 /* Finds the room of training a segment, of which the capture has at least
  * cameras and frames, with n_primitives, on o->gpu. The same functions make the
  * buffers of the training, so that only what nobody knows before is estimated:
- * a moving scene is assumed to have all temporal tools, segments to have a base
- * with as many primitives, and the warm-up to grow as far as it may. Buffers
- * must not be there yet. Returns false with *error set, and a remedy, if a
- * buffer would be larger than the device allows, or if the host's memory is
- * short; then *room is all zero but for is_refused. */
+ * a moving scene is assumed to have all temporal tools of its model, segments
+ * to have a base with as many primitives, and the warm-up to grow as far as it
+ * may. Buffers must not be there yet. Returns false with *error set, and a
+ * remedy, if a buffer would be larger than the device allows, or if the host's
+ * memory is short; then *room is all zero but for is_refused. */
 bool saga_train_device_room(saga_device_room *room, const saga_capture *capture,
                             const saga_train_options *o, saga_error *error);
 
