@@ -299,6 +299,14 @@ PLACES = [
          (A, "quat is 0", "!p->quat[0] && !p->quat[1] && !p->quat[2] && "
           "!p->quat[3]"),
      ]),
+    ("decoder/reconstruct.c", "    uint16_t colour_q15[3];\n    uint32_t i, k;\n", [
+        (A, "F_geo and F_color read one format",
+         "sc->model->q_in[SAGA_NET_COLOUR_BASE] == "
+         "sc->model->q_in[SAGA_NET_GEO]"),
+        (A, "F_geo and F_color read different formats",
+         "sc->model->q_in[SAGA_NET_COLOUR_BASE] != "
+         "sc->model->q_in[SAGA_NET_GEO]"),
+    ]),
     ("decoder/reconstruct.c", "static int32_t centre_time(int32_t t, int32_t "
      "support_t, int16_t out, int q)\n{\n", [
          (A, "t_centre is clamped to -32768",
