@@ -120,6 +120,9 @@ train auto auto
 cmp "$tmp/cpu.saga" "$tmp/auto.saga" >>"$bad" 2>&1
 refused "no usable GPU; see \`saga devices\`, or give --device cpu" gpu
 refused "no device 1, only 0 to 0; see \`saga devices\`" 1
+expect 2 "${encode[@]}" -o "$tmp/none.saga" --device 0 --ablate slots=256
+tail -n 1 "$tmp/err" | grep -qF 'slots=256 is more than the 128 of level 2' ||
+    complain "too many slots: $(tail -n 1 "$tmp/err")"
 refused "takes auto, cpu, gpu or a number of \`saga devices\`, not '0x'" 0x
 train first 0
 grep -q 'device 0, llvmpipe' "$tmp/err" || complain "no word of device 0"

@@ -245,6 +245,20 @@ TEST(rates_should_agree_with_the_host)
     assert_true(ok);
 }
 
+/* Inputs from a bank stay in a network when the choice of sources has dropped
+ * it, and no kernel sets them. */
+TEST(a_model_with_a_bank_should_stay_with_the_host)
+{
+    world *const w = world_of(state);
+    FREED_BY(rate_scene_free) rate_scene f;
+
+    make(&f, &variants[0]);
+    assert_true(saga_away_can_rate(w->gpu, &f.r, &f.s));
+    f.s.model.sources[SAGA_KIND_FINE] |= SAGA_SOURCE_BANK;
+    assert_int_equal(f.r.context.keep[SAGA_KIND_FINE] & SAGA_SOURCE_BANK, 0);
+    assert_false(saga_away_can_rate(w->gpu, &f.r, &f.s));
+}
+
 /* Values from the mean to tens of thousands of steps off, under deviations from
  * the coder's first scale to its last. */
 TEST(a_cost_should_be_that_of_double)

@@ -373,10 +373,14 @@ static int adopt_networks(saga_encode_session *s, saga_train_options *t)
 static int check_device(saga_encode_session *s, saga_train_options *t)
 {
     saga_device_room room;
+    saga_ablation ablation;
     saga_error error = { "" };
 
     if (!s->gpu)
         return SAGA_EXIT_OK;
+    /* A plan reads the ablation, too; its faults are no want of memory. */
+    if (!saga_options_ablation(&ablation, t, &error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
     if (saga_train_device_room(&room, &s->capture, t, &error) &&
         saga_train_fits_device(&room, t, &error))
         return saga_cli_error(SAGA_EXIT_OK,

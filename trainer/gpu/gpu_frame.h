@@ -22,7 +22,7 @@ typedef struct saga_gpu_frame {
 enum {
     SAGA_GPU_N_PAIRS,
     SAGA_GPU_WANTED,     /* pairs of the picture, also if there was no room */
-    SAGA_GPU_IS_FULL,    /* 1: there was none, and nothing has changed */
+    SAGA_GPU_IS_FULL,    /* 1: there was none, and no step was done */
     SAGA_GPU_IS_UNSOUND, /* 1: a gradient or value is not finite */
     SAGA_GPU_SQUARES,    /* float: sum of squared errors */
     SAGA_GPU_TYPICAL,    /* float: mean of log2_scale */

@@ -90,11 +90,13 @@ static size_t n_weights(const saga_gpu_prims *p)
 bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p)
 {
     const size_t most = saga_gpu_most(gpu) / sizeof(real);
+    const int n = n_layers(p, SAGA_GPU_GEO);
     int sum = 0;
 
     for (int k = 0; k < SAGA_GPU_N_NETS; k++)
         sum += n_layers(p, k);
-    return sum <= SAGA_GPU_FINE_LAYER && n_layers(p, SAGA_GPU_GEO) > 0 &&
+    return sum <= SAGA_GPU_FINE_LAYER && n > 0 &&
+           p->net[SAGA_GPU_GEO]->dim[n] <= SAGA_GPU_MOST_GEO &&
            n_layers(p, SAGA_GPU_COLOUR_BASE) == 1 &&
            n_layers(p, SAGA_GPU_COLOUR_VIEW) <= 1 &&
            n_layers(p, SAGA_GPU_COLOUR) > 0 && p->n * widest(p) <= most &&

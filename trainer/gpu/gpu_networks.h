@@ -18,6 +18,8 @@ enum {
     SAGA_GPU_N_NETS
 };
 
+enum { SAGA_GPU_MOST_GEO = 256 }; /* outputs of F_geo */
+
 /* The networks of n primitives, and their gradients, to which is added.
  * Features, places, offsets and supports are on the device, where their
  * gradients are set (gpu_anchors.h). */
@@ -34,7 +36,8 @@ typedef struct saga_gpu_prims {
 } saga_gpu_prims;
 
 /* Tells whether the device can run these networks: if the colour has one layer
- * where its inputs meet, and all rows fit into buffers. */
+ * where its inputs meet, F_geo has not too many outputs, and all rows fit into
+ * buffers. */
 bool saga_gpu_can_learn_prims(const saga_gpu *gpu, const saga_gpu_prims *p);
 
 #endif

@@ -69,8 +69,9 @@ bool saga_gpu_can_rate(const saga_gpu *gpu, const saga_gpu_rates *r)
     for (int k = 0; k < SAGA_N_KINDS; k++) {
         const saga_net *const nets[] = { r->kind[k].net, r->kind[k].hyper };
 
+        /* A network has inputs of a bank also where none is kept. */
         if (nets[0]->n_layers + nets[1]->n_layers + 1 > SAGA_GPU_FINE_LAYER ||
-            r->kind[k].sources & r->kind[k].keep & SAGA_SOURCE_BANK)
+            r->kind[k].sources & SAGA_SOURCE_BANK)
             return false;
         for (int i = 0; i < 2; i++)
             for (int l = 0; l < nets[i]->n_layers; l++) {

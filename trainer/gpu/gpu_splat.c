@@ -17,7 +17,7 @@
 /* Pairs of splats and tiles for which a canvas has room at first: for each
  * primitive, and as many more; and for each tile in a plan. 10,000 primitives
  * had 3 each; fewer are larger, and 2,000 had 123 on a tile. */
-enum { FIRST_PAIRS = 8, LEAST_PAIRS = 1 << 16, PLAN_PAIRS = 160 };
+enum { FIRST_PAIRS = 8, MORE_PAIRS = 1 << 16, PLAN_PAIRS = 160 };
 
 static const char what[] = "primitives";
 
@@ -103,7 +103,7 @@ static bool make_room(saga_gpu_canvas *g, saga_error *error)
 
 static uint32_t first_pairs(const saga_gpu_frame *f)
 {
-    return LEAST_PAIRS + FIRST_PAIRS * f->n;
+    return MORE_PAIRS + FIRST_PAIRS * f->n;
 }
 
 /* --- The host's arrays --------------------------------------------------- */

@@ -36,8 +36,6 @@ void saga_gpu_turn_backward(saga_gpu_canvas *g, const saga_gpu_turn_run *s);
 
 /* --- Networks of primitives (gpu_networks.c) ----------------------------- */
 
-enum { SAGA_GPU_MOST_GEO = 256 }; /* outputs of F_geo */
-
 typedef struct saga_gpu_prims_run {
     const saga_gpu_prims *p;
     saga_gpu_layers layers;

@@ -21,9 +21,9 @@ bool saga_away_can_rate(const saga_gpu *gpu, const saga_rate *r,
 bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
                         const saga_scene *s, saga_error *error);
 
-/* What a kind reads besides its networks, and what comes of it. */
 enum { SAGA_AWAY_MOST_CHANNELS = 4 + SAGA_MAX_FEATURES };
 
+/* What a kind reads besides its networks, and what comes of it. */
 typedef struct saga_away_channels {
     saga_net constants, d_constants;
     real biases[2 * SAGA_AWAY_MOST_CHANNELS];

@@ -33,11 +33,9 @@ bool saga_away_can(const saga_gpu *gpu, const saga_away *a);
 
 /* The networks of primitives for a device. It is not to be moved, since the
  * first member points to others. */
-enum { SAGA_AWAY_MOST_OUTPUTS = 256 };
-
 typedef struct saga_away_prims {
     saga_gpu_prims to;
-    saga_attr_part part[SAGA_AWAY_MOST_OUTPUTS];
+    saga_attr_part part[SAGA_GPU_MOST_GEO];
 } saga_away_prims;
 
 /* Sets p to those of the first n primitives, which add the gradients of

@@ -76,7 +76,7 @@ static bool stay_room(saga_gpu *gpu, saga_gpu_canvas *g,
 
 bool saga_fit_room(saga_gpu *gpu, const saga_pictures *pictures,
                    const saga_canvas *canvas, const saga_model *model,
-                   saga_counts n, saga_error *error)
+                   saga_counts n, int n_teachers, saga_error *error)
 {
     const saga_block_adam features = { .n = n.coarse,
                                        .width = saga_fit_width(model),
@@ -88,12 +88,14 @@ bool saga_fit_room(saga_gpu *gpu, const saga_pictures *pictures,
                                         : NULL;
     /* The canvas comes first and the features' state last, so that its way
      * comes on top of all. */
-    const bool ok = g && saga_gpu_pictures_room(g, error) &&
-                    saga_gpu_learn_room(
-                        g, canvas, saga_attrs_of_tools(model->tools, false),
-                        n.prim, error) &&
-                    (!has || (blocks && stay_room(gpu, g, canvas, &s, error) &&
-                              saga_gpu_blocks_plan(blocks, &features, error)));
+    const bool ok =
+        g && saga_gpu_pictures_room(g, error) &&
+        saga_gpu_learn_room(g, canvas, saga_attrs_of_tools(model->tools, false),
+                            n.prim, error) &&
+        saga_gpu_teachers_room(g, canvas, saga_attrs_of_tools(0, true), n.prim,
+                               n_teachers, error) &&
+        (!has || (blocks && stay_room(gpu, g, canvas, &s, error) &&
+                  saga_gpu_blocks_plan(blocks, &features, error)));
 
     saga_gpu_blocks_free(blocks);
     saga_gpu_canvas_free(g);
