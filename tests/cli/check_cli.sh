@@ -1033,8 +1033,8 @@ assert "median" in j["protocol"] and "changing" in j["protocol"]
 assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
 assert j["decode_ms"]["n_views"] == 3 * frames
 assert j["decode_ms"]["n_segments"] == 1
-# The viewing volume, as `saga info` has it.
-assert j["volume"]["psnr_at_cameras"] > 10, j["volume"]
+# The file has no viewing volume; check_encode.sh has some that do.
+assert j["volume"] == {}, j["volume"]
 p = j["protocol"]
 assert (j["schema"], j["command"], j["program"][:5]) == (1, "eval", "saga ")
 assert p["frames"] == p["file_frames"] == [0, frames]

@@ -637,6 +637,7 @@ curve=(--sweep --primitives 60 --iterations 60 --frames 0:2 --threads 1)
 expect 0 cap -o curve "${curve[@]}"
 grep -q '^curve/4.saga  *60 ' out || complain "sweep: $(cat out)"
 "$saga" report curve/curve.json -o page.html 2>err || complain "$(cat err)"
+for i in 1 2 3 4 5; do "$saga" info curve/$i.saga --json >info.$i; done
 python3 -c '
 import json, os
 made = [json.load(open("curve/%d.json" % i)) for i in range(1, 6)]
@@ -644,6 +645,10 @@ assert [r["encode"]["n_primitives"] for r in made] == [12, 20, 35, 60, 104]
 for i, r in enumerate(made):
     assert r["nbytes"] == os.path.getsize("curve/%d.saga" % (i + 1))
     assert r["encode"]["options"]["iterations"] == 60, r["encode"]["options"]
+    volume = json.load(open("info.%d" % (i + 1)))["volume"]
+    assert r["volume"].keys() == volume.keys(), r["volume"]
+    for key in "nearest", "psnr_between":
+        assert abs(volume[key] - r["volume"][key]) < 1e-4, (key, volume)
 def at(r):
     db = [v["psnr"] for v in r["views"]]
     return r["nbytes"], -sum(db) / len(db)
@@ -652,6 +657,7 @@ hull = [r for r in made if not any(
     for q in made)]
 assert json.load(open("curve/curve.json")) == hull, [at(r) for r in made]
 ' 2>>bad || complain "sweep: $(cat out)"
+rm info.*
 told 2 'curve is not empty; give --resume' cap -o curve "${curve[@]}"
 expect 2 cap -o curve "${curve[@]}" --resume --seed 2
 says 'curve/5.json was made with other options'
