@@ -722,7 +722,8 @@ TEST(train_should_keep_temporal_tools_when_something_moves)
     free(r.bytes);
 }
 
-/* What is there to choose from: so short a warm-up judges no tool. */
+/* A warm-up as short as this judges no tool, so that the file has all from
+ * which its model may choose. */
 TEST(train_should_leave_third_order_and_rotation_to_the_paper)
 {
     for (int paper = 0; paper < 2; paper++) {

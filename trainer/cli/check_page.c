@@ -395,6 +395,7 @@ static void put_forecasts(FILE *to, const saga_capture *c, saga_gpu *gpu)
                 1e-9 * f.memory_nbytes, f.least_kb, f.most_kb, f.scale,
                 f.n_teachers,
                 f.n_wanted > 0 ? "the level has room for no more" : "");
+        /* A device adds what it needs, or what it lacks. */
         if (f.device.need) {
             fprintf(to, "<td>%.2f of %.1f GB of ", 1e-9 * (double)f.device.need,
                     1e-9 * (double)saga_gpu_is(gpu)->memory);

@@ -23,7 +23,7 @@ bool saga_away_put_rate(saga_gpu_canvas *g, const saga_rate *r,
 
 enum { SAGA_AWAY_MOST_CHANNELS = 4 + SAGA_MAX_FEATURES };
 
-/* What a kind reads besides its networks, and what comes of it. */
+/* Numbers that a kind reads besides its networks, and its results. */
 typedef struct saga_away_channels {
     saga_net constants, d_constants;
     real biases[2 * SAGA_AWAY_MOST_CHANNELS];
