@@ -14,7 +14,7 @@
 /* The background is looked for in N_LOOKED_AT pixels, of SAGA_MOST_LOOKED_AT
  * pictures at most: a film has thousands, and each that is touched is decoded
  * and written to the scratch file. */
-enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
+enum { MIN_SIDE = 8, N_LOOKED_AT = 20000 };
 
 /* Films of at most this number of frames are looked at in all frames. Moments
  * of ten seconds are then 0.3 seconds apart. */

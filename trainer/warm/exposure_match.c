@@ -21,6 +21,9 @@ enum {
 };
 
 #define WORTH_IT 0.03 /* least difference of log exposures */
+/* The first pass found 0.6 of the last one's differences or more, so that half
+ * as much is not worth another pass. */
+#define WORTH_LOOKING (WORTH_IT / 2)
 /* Largest part of all differences that may remain; if more does, the factors
  * come from wrong matches. */
 #define LEFT_PART 0.8
@@ -38,13 +41,14 @@ static bool sum_of(double sum[3], const saga_patch *p)
 {
     for (int k = 0; k < 3; k++) {
         sum[k] = 0;
-        for (size_t i = 0; i < SAGA_PATCH_PIXELS; i++) {
-            const double x = (double)p->at[i][k];
+        for (int y = 0; y < SAGA_PATCH_SIDE; y++)
+            for (int x = 0; x < SAGA_PATCH_SIDE; x++) {
+                const double a = (double)p->at[y][3 * x + k];
 
-            if (!(x > 0.04 && x < 0.94))
-                return false;
-            sum[k] += x;
-        }
+                if (!(a > 0.04 && a < 0.94))
+                    return false;
+                sum[k] += a;
+            }
     }
     return true;
 }
@@ -135,28 +139,29 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     saga_exposure_pairs pairs = { .n_views = p->capture->n_views,
                                   .train = p->train,
                                   .n_train = p->n_train };
-    double before = 0, after = 0;
 
     for (j->pass = 0; j->pass < N_PASSES; j->pass++) {
+        double before;
+
         /* The factors of earlier passes are applied to the pairs, so that the
          * solution is the factor that is still missing. */
         compare_all(&pairs, j);
         memset(log_of, 0, n * sizeof *log_of);
-        if (j->pass == 0)
-            before = saga_exposure_left(&pairs, log_of);
+        before = saga_exposure_left(&pairs, log_of);
         if (!saga_exposure_solve(log_of, &pairs, error))
             return false;
-        if (j->pass == 0)
-            after = saga_exposure_left(&pairs, log_of);
+        /* The exposures stay exactly 1 if the cameras agree already, or if the
+         * factors explain too little of the differences. */
+        if (j->pass == 0 &&
+            !(saga_exposure_span(log_of, &pairs) > WORTH_LOOKING &&
+              saga_exposure_left(&pairs, log_of) < LEFT_PART * before))
+            return true;
         for (size_t i = 0; i < n; i++)
             p->exposure[i] *= exp(log_of[i]);
     }
     for (size_t i = 0; i < n; i++)
         log_of[i] = log(p->exposure[i]);
-    /* The exposures stay exactly 1 if the cameras agree already, or if the
-     * factors explain too little of the first pass's differences. */
-    if (!(saga_exposure_span(log_of, &pairs) > WORTH_IT &&
-          after < LEFT_PART * before))
+    if (!(saga_exposure_span(log_of, &pairs) > WORTH_IT))
         for (size_t i = 0; i < n; i++)
             p->exposure[i] = 1;
     return true;

@@ -12,7 +12,6 @@
 #include <string.h>
 
 enum {
-    PATCH = SAGA_PATCH,
     N_WITNESSES = 3 /* views that decide whether a place stands still */
 };
 
@@ -142,7 +141,7 @@ static void place(saga_flat_sight *s, const saga_plane_sweep *w, double depth)
     s->footprint = depth / v->fx;
     saga_view_lift(v, w->uv, depth, s->position);
     for (int k = 0; k < 3; k++)
-        s->rgb[k] = (real)w->own.at[2 * PATCH * (PATCH + 1)][k];
+        s->rgb[k] = (real)w->own.at[SAGA_PATCH][3 * SAGA_PATCH + k];
 }
 
 /* Sets the position of a sight. Returns false if its depth is a guess. */
@@ -194,7 +193,7 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
             continue;
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -
-                      (double)q.at[2 * PATCH * (PATCH + 1)][j]) /
+                      (double)q.at[SAGA_PATCH][3 * SAGA_PATCH + j]) /
                  3;
         /* The nearest view has the smallest pixel at this place, which is the
          * footprint. */

@@ -8,6 +8,8 @@
 
 enum {
     PATCH = SAGA_PATCH,
+    SIDE = SAGA_PATCH_SIDE,
+    ROW = SAGA_PATCH_ROW,
     N_NEAR = SAGA_PLANE_NEAR,
     N_DEPTHS = 64,
     N_FINE = 8 /* refinement steps on each side */
@@ -19,10 +21,15 @@ enum {
 
 /* --- Patches ------------------------------------------------------------- */
 
-static void exposure_of(float scale[3], const saga_pictures *p, int view)
+/* Sets the factors of a row's values, that of what follows the pixels to 0. */
+static void exposure_of(float scale[ROW], const saga_pictures *p, int view)
 {
+    float channel[3];
+
     for (int k = 0; k < 3; k++)
-        scale[k] = (float)(p->exposure[3 * view + k] / 255);
+        channel[k] = (float)(p->exposure[3 * view + k] / 255);
+    for (int i = 0; i < ROW; i++)
+        scale[i] = i < 3 * SIDE ? channel[i % 3] : 0;
 }
 
 /* Tells whether all pixels of a square from (x, y) on count. */
@@ -44,9 +51,8 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
 {
     const saga_capture *const c = from->capture;
     const saga_source_view *const w = c->views + view;
-    float scale[3];
+    float scale[ROW];
     const uint8_t *rgb;
-    int x, y, n = 0;
 
     if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
           v < w->height - PATCH) ||
@@ -56,11 +62,29 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
     rgb = saga_capture_frame(c, view, frame) +
           (size_t)((int)v - PATCH) * saga_view_row_nbytes(w) +
           (size_t)((int)u - PATCH) * 3;
-    for (y = 0; y <= 2 * PATCH; y++, rgb += saga_view_row_nbytes(w))
-        for (x = 0; x <= 2 * PATCH; x++, n++)
-            for (int k = 0; k < 3; k++)
-                p->at[n][k] = scale[k] * (float)rgb[3 * x + k];
+    for (int y = 0; y < SIDE; y++, rgb += saga_view_row_nbytes(w)) {
+        uint8_t row[ROW] = { 0 };
+
+        memcpy(row, rgb, 3 * SIDE);
+        for (int i = 0; i < ROW; i++)
+            p->at[y][i] = scale[i] * (float)row[i];
+    }
     return true;
+}
+
+/* Interpolates between each value of a row of SIDE + 1 pixels and that of the
+ * next pixel. */
+static void between_columns(float to[ROW], const uint8_t *rgb, float part)
+{
+    enum { PADDED = ROW + 4 }; /* ROW + 3 are read, in vectors of four */
+    uint8_t row[PADDED] = { 0 };
+    float x[PADDED];
+
+    memcpy(row, rgb, 3 * (SIDE + 1));
+    for (int i = 0; i < PADDED; i++)
+        x[i] = (float)row[i];
+    for (int i = 0; i < ROW; i++)
+        to[i] = x[i] + part * (x[i + 3] - x[i]);
 }
 
 bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
@@ -72,9 +96,8 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
     /* The first sample of the patch is between pixels, whose centres are
      * at + 0.5; the square that is read is one pixel larger. */
     const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
+    float part[2], scale[ROW], row[2][ROW];
     const uint8_t *rgb;
-    float part[2], scale[3];
-    int x, y, n = 0;
 
     if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
           top + 2 * PATCH + 1 < w->height) ||
@@ -85,27 +108,31 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
     part[1] = (float)(top - (int)top);
     rgb = saga_capture_frame(c, view, frame) + (size_t)(int)top * stride +
           (size_t)(int)left * 3;
-    for (y = 0; y <= 2 * PATCH; y++, rgb += stride)
-        for (x = 0; x <= 2 * PATCH; x++, n++)
-            for (int k = 0; k < 3; k++) {
-                const uint8_t *const a = rgb + 3 * x + k, *const b = a + stride;
-                const float up = (float)a[0] + part[0] * (float)(a[3] - a[0]);
-                const float low = (float)b[0] + part[0] * (float)(b[3] - b[0]);
+    /* Each row of samples lies between two rows of the picture, which are
+     * interpolated along u once. */
+    between_columns(row[0], rgb, part[0]);
+    for (int y = 0; y < SIDE; y++) {
+        const float *const up = row[y & 1];
+        float *const low = row[~y & 1];
 
-                p->at[n][k] = scale[k] * (up + part[1] * (low - up));
-            }
+        between_columns(low, rgb += stride, part[0]);
+        for (int i = 0; i < ROW; i++)
+            p->at[y][i] = scale[i] * (up[i] + part[1] * (low[i] - up[i]));
+    }
     return true;
 }
 
 double saga_patch_distance(const saga_patch *a, const saga_patch *b)
 {
-    const int n = sizeof a->at / sizeof a->at[0];
+    float columns[ROW] = { 0 };
     double sum = 0;
 
-    for (int i = 0; i < n; i++)
-        for (int k = 0; k < 3; k++)
-            sum += fabs((double)(a->at[i][k] - b->at[i][k]));
-    return sum / (3 * n);
+    for (int y = 0; y < SIDE; y++)
+        for (int i = 0; i < ROW; i++)
+            columns[i] += fabsf(a->at[y][i] - b->at[y][i]);
+    for (int i = 0; i < ROW; i++)
+        sum += (double)columns[i];
+    return sum / (3 * SIDE * SIDE);
 }
 
 /* --- Depth of a pixel ---------------------------------------------------- */

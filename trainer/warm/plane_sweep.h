@@ -12,8 +12,9 @@
 #include "pictures.h"
 
 enum {
-    SAGA_PATCH = 2, /* radius: (2 SAGA_PATCH + 1)^2 pixels */
-    SAGA_PATCH_PIXELS = (2 * SAGA_PATCH + 1) * (2 * SAGA_PATCH + 1),
+    SAGA_PATCH = 2, /* radius: SAGA_PATCH_SIDE^2 pixels */
+    SAGA_PATCH_SIDE = 2 * SAGA_PATCH + 1,
+    SAGA_PATCH_ROW = 16,  /* vectors are full */
     SAGA_PLANE_NEAR = 6,  /* number of views compared */
     SAGA_PLANE_PART = 8,  /* pixels in one task */
     SAGA_PLANE_NS = 50000 /* nanoseconds for a pixel */
@@ -22,9 +23,9 @@ enum {
 /* Patches whose distance is below this show the same place. */
 #define SAGA_GOOD_MATCH 0.1
 
-/* A patch of R, G, B values of 0..1, row by row. */
+/* A patch, row by row: R, G, B values of 0..1 of each pixel, then zeros. */
 typedef struct saga_patch {
-    float at[SAGA_PATCH_PIXELS][3];
+    float at[SAGA_PATCH_SIDE][SAGA_PATCH_ROW];
 } saga_patch;
 
 /* Copies the pixel at (u, v) and the pixels around it. Returns false if the
