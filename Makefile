@@ -240,7 +240,7 @@ $(filter-out $(OBJ)/trainer/code/%,$(TRAINER_OBJ)) $(CLI_OBJ) \
     $(call obj,$(TESTS_SRC)): OPT_LEVEL = -O0
 endif
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ) $(ISA_OBJ): OPT_LEVEL = $(HOT_OPT)
-$(addprefix $(OBJ)/trainer/measure/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT)
+$(addprefix $(OBJ)/trainer/measure/,conv.o metrics.o yuv.o): OPT_LEVEL = $(HOT_OPT)
 $(ISA_SRC:%.c=$(OBJ)/%.o): ISA = -DSAGA_ISA=1
 $(TRAINER_SRC:%.c=$(OBJ)/%.o) $(ISA_OBJ): SAN_FLAGS += $(SAN_LESS)
 

@@ -51,7 +51,7 @@ typedef struct {
                        * SSIM and contrast-structure of the columns whose
                        * windows lie inside */
     double *scratch;  /* (n_threads, n_scratch): a row with zeros at both
-                       * ends, and the maps of a band */
+                       * ends, the maps of a row, and those of a band */
     size_t n_scratch;
 } pair;
 
@@ -77,38 +77,42 @@ static void make_taps(double tap[TAPS])
         tap[i] /= sum;
 }
 
-/* Filters one map of a row horizontally; line has HALF zeros at both ends. */
-static void filter_row(double *out, const double *line, int width,
-                       const double tap[TAPS])
+/* Sets out[x] to the sum of tap[k] in[x + k step] for x < n. Pixels are the
+ * lanes of vectors; the taps of one are added in order. */
+static void filter(double *restrict out, const double *restrict in, size_t n,
+                   size_t step, const double tap[TAPS])
 {
-    for (int x = 0; x < width; x++)
-        out[x] = 0.0;
-    /* Taps are the outer loop and pixels the inner loop, which then has no
-     * dependence and is vectorised. */
-    for (int k = 0; k < TAPS; k++)
-        for (int x = 0; x < width; x++)
-            out[x] += tap[k] * line[x + k];
+    for (size_t x = 0; x < n; x++) {
+        double sum = 0.0;
+
+        for (size_t k = 0; k < TAPS; k++)
+            sum += tap[k] * in[x + k * step];
+        out[x] = sum;
+    }
 }
 
 /* Filters the five maps of row y horizontally; rows outside the picture are
- * zeros. */
-static void filter_maps(double *out, double *line, const pair *p, int y)
+ * zeros. `line` has HALF zeros at both ends. */
+static void filter_maps(double *out, double *restrict line, const pair *p,
+                        int y)
 {
     const size_t w = (size_t)p->width;
     const double *const a = p->a + (ptrdiff_t)y * p->width;
     const double *const b = p->b + (ptrdiff_t)y * p->width;
+    const double *const factor[N_MAPS][2] = {
+        { a, NULL }, { b, NULL }, { a, a }, { b, b }, { a, b }
+    };
 
     if (y < 0 || y >= p->height) {
         memset(out, 0, N_MAPS * w * sizeof *out);
         return;
     }
-    for (int map = 0; map < N_MAPS; map++) {
-        for (size_t x = 0; x < w; x++) {
-            const double product[N_MAPS] = { a[x], b[x], a[x] * a[x],
-                                             b[x] * b[x], a[x] * b[x] };
-            line[x + HALF] = product[map];
-        }
-        filter_row(out + (size_t)map * w, line, p->width, p->tap);
+    for (int map = 0; map < N_MAPS; map++, out += w) {
+        const double *const f = factor[map][0], *const g = factor[map][1];
+
+        for (size_t x = 0; x < w; x++)
+            line[x + HALF] = g ? f[x] * g[x] : f[x];
+        filter(out, line, w, 1, p->tap);
     }
 }
 
@@ -125,21 +129,23 @@ static double ssim_of(const double m[N_MAPS], double *structure)
     return (2.0 * ab + c1) / (aa + bb + c1) * *structure;
 }
 
-/* Sets the sums of one row, from the maps of the TAPS rows around it. */
-static void sum_row(double sum[3], const double *maps, const pair *p)
+/* Sets the sums of one row, from the maps of the TAPS rows around it. `middle`
+ * is scratch for the maps of one row. */
+static void sum_row(double sum[3], double *middle, const double *maps,
+                    const pair *p)
 {
-    const size_t w = (size_t)p->width;
+    const size_t w = (size_t)p->width, n = N_MAPS * w;
 
+    /* The window is separable: the maps are already filtered horizontally and
+     * are filtered vertically here. */
+    filter(middle, maps, n, n, p->tap);
     sum[0] = sum[1] = sum[2] = 0.0;
     for (size_t x = 0; x < w; x++) {
-        double m[N_MAPS] = { 0.0 }, structure, ssim;
+        const double m[N_MAPS] = { middle[x], middle[w + x], middle[2 * w + x],
+                                   middle[3 * w + x], middle[4 * w + x] };
+        double structure;
+        const double ssim = ssim_of(m, &structure);
 
-        /* The window is separable: the maps are already filtered horizontally
-         * and are filtered vertically here. */
-        for (size_t k = 0; k < TAPS; k++)
-            for (size_t i = 0; i < N_MAPS; i++)
-                m[i] += p->tap[k] * maps[(k * N_MAPS + i) * w + x];
-        ssim = ssim_of(m, &structure);
         sum[0] += ssim;
         if (x >= HALF && x + HALF < w) {
             sum[1] += ssim;
@@ -153,7 +159,8 @@ static void sum_band(const pair *p, int y0)
 {
     const size_t w = (size_t)p->width;
     double *const line = p->scratch + saga_thread_number() * p->n_scratch;
-    double *const maps = line + w + 2 * HALF;
+    double *const middle = line + w + 2 * HALF;
+    double *const maps = middle + N_MAPS * w;
     const int end = y0 + BAND < p->height ? y0 + BAND : p->height;
 
     for (int i = 0; i < HALF; i++)
@@ -163,7 +170,7 @@ static void sum_band(const pair *p, int y0)
     for (int y = y0 - HALF; y < end + HALF; y++)
         filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p, y);
     for (int y = y0; y < end; y++)
-        sum_row(p->row[y], maps + (size_t)(y - y0) * N_MAPS * w, p);
+        sum_row(p->row[y], middle, maps + (size_t)(y - y0) * N_MAPS * w, p);
 }
 
 static channel_ssim means_of(const pair *p)
@@ -202,7 +209,7 @@ static bool channel(channel_ssim *s, pair p, saga_error *error)
     bool ok;
 
     p.n_threads = p.n_threads < n ? p.n_threads : n;
-    p.n_scratch = w + 2 * HALF + (BAND + 2 * HALF) * N_MAPS * w;
+    p.n_scratch = w + 2 * HALF + (1 + BAND + 2 * HALF) * N_MAPS * w;
     p.row = saga_alloc((size_t)p.height, sizeof *p.row, purpose, error);
     p.scratch = saga_alloc((size_t)p.n_threads * p.n_scratch, sizeof *p.scratch,
                            purpose, error);
