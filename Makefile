@@ -235,12 +235,12 @@ $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
 # Tests run for less time than it takes to optimise them.
 $(call obj,$(TESTS_SRC)): OPT_LEVEL = $(OPT:-O2=-O1)
-ifeq ($(SANITIZE),quick)
-$(filter-out $(OBJ)/trainer/code/%,$(TRAINER_OBJ)) $(CLI_OBJ) \
-    $(call obj,$(TESTS_SRC)): OPT_LEVEL = -O0
-endif
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ) $(ISA_OBJ): OPT_LEVEL = $(HOT_OPT)
 $(addprefix $(OBJ)/trainer/measure/,conv.o metrics.o yuv.o): OPT_LEVEL = $(HOT_OPT)
+ifeq ($(SANITIZE),quick)
+$(filter-out $(OBJ)/trainer/code/%,$(TRAINER_OBJ)) $(ISA_OBJ) $(CLI_OBJ) \
+    $(call obj,$(TESTS_SRC)): OPT_LEVEL = -O0
+endif
 $(ISA_SRC:%.c=$(OBJ)/%.o): ISA = -DSAGA_ISA=1
 $(TRAINER_SRC:%.c=$(OBJ)/%.o) $(ISA_OBJ): SAN_FLAGS += $(SAN_LESS)
 

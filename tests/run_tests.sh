@@ -23,8 +23,9 @@ make=${MAKE:-make}
 unset MAKEFLAGS MFLAGS MAKELEVEL
 # Threads that wait for each other in short loops take four times the CPU time
 # of their work. Tests of thread independence set the number of threads
-# themselves.
+# themselves, and theirs sleep while they wait.
 export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
+export OMP_WAIT_POLICY=${OMP_WAIT_POLICY:-passive}
 export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
 timeout=1200
@@ -243,8 +244,7 @@ sanitized() {
     export LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp
     export LSAN_OPTIONS=$LSAN_OPTIONS:print_suppressions=0
     vectors sanitize
-    OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
-        programs sanitize "${flags[@]}"
+    SAGA_TEST_SANITIZED=1 programs sanitize "${flags[@]}"
     # The trainer runs from the capture to the decoded pixels.
     # No driver of a GPU, since lavapipe's leaks.
     VK_DRIVER_FILES=/absent VK_ICD_FILENAMES=/absent \

@@ -12,7 +12,7 @@
 
 TEST_GROUP(set_up_device, tear_down_device);
 
-enum { WARM = 20, RENDER = 30 };
+enum { WARM = 10, RENDER = 20 };
 
 /* A case, and the part by which the plan may exceed the truth. */
 typedef struct {

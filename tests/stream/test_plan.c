@@ -32,7 +32,7 @@ void saga_count_macs(uint64_t n)
 
 static uint32_t n_streams(void)
 {
-    return testing_count(50, 2000);
+    return testing_count(30, 2000);
 }
 
 /* --- A file and a block -------------------------------------------------- */
