@@ -6,6 +6,7 @@
 #include "rate_values.h"
 
 #include "rate_bits.h"
+#include "rate_row.h"
 
 #include <math.h>
 #include <string.h>
@@ -32,18 +33,23 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
         double y[SAGA_RATE_ROW];
         const size_t rows = saga_rate_read_block(y, r, x, kind, b);
         const saga_class class = saga_rate_class(x->scene, kind, b);
+        size_t channel[SAGA_RATE_ROW], n_left = 0;
+        saga_rate_row row;
 
         for (i = 0; i < rows * channels; i++) {
             const size_t c = i % channels;
 
             /* The bits of a settled channel are not needed any more. */
-            if (!settled[c] && saga_rate_has(class, c))
-                bits[c] += saga_rate_bits(
-                               (y[i] - (double)r->constants.mean[kind][c]) /
-                                   saga_rate_step_size(m, kind, c),
-                               (double)r->constants.log2_sigma[kind][c])
-                               .bits;
+            if (settled[c] || !saga_rate_has(class, c))
+                continue;
+            row.v[n_left] = R((y[i] - (double)r->constants.mean[kind][c]) /
+                              saga_rate_step_size(m, kind, c));
+            row.log2_sigma[n_left] = r->constants.log2_sigma[kind][c];
+            channel[n_left++] = c;
         }
+        saga_rate_cost_row(&row, n_left);
+        for (i = 0; i < n_left; i++)
+            bits[channel[i]] += (double)row.bits[i];
     }
 }
 
