@@ -8,9 +8,10 @@
 #include <string.h>
 
 enum {
-    RANGE = 2,      /* radius of IV-PSNR's search, in pixels */
-    MOST_SHIFT = 2, /* largest shift of colour: 1 % of 255 */
-    LUMA_WEIGHT = 4 /* weight of luma in IV-PSNR; each chroma plane has 1 */
+    RANGE = 2,          /* radius of IV-PSNR's search, in pixels */
+    MOST_SHIFT = 2,     /* largest shift of colour: 1 % of 255 */
+    LUMA_WEIGHT = 4,    /* weight of luma in IV-PSNR; each chroma plane has 1 */
+    MOST_COST = 1 << 20 /* above any: (LUMA_WEIGHT + 2) (255 + MOST_SHIFT)^2 */
 };
 
 static const double pi = 3.14159265358979323846;
@@ -67,10 +68,12 @@ static double ws_psnr(const saga_yuv *a, const saga_yuv *b, bool equirect)
 
 /* --- IV-PSNR ------------------------------------------------------------- */
 
-/* A plane with RANGE more samples on every side, which repeat the border. */
+/* A plane with RANGE more samples on every side, which repeat the border.
+ * Samples and costs are integers below 2^24, which floats hold exactly and
+ * multiply faster. */
 typedef struct {
     int stride;
-    int *v[3];
+    float *v[3];
 } wide;
 
 static bool widen(wide *w, const saga_yuv *of, const int shift[3],
@@ -80,7 +83,7 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
     const int height = of->height + 2 * RANGE;
 
     w->stride = of->width + 2 * RANGE;
-    w->v[0] = saga_alloc(3 * (size_t)w->stride * (size_t)height, sizeof(int),
+    w->v[0] = saga_alloc(3 * (size_t)w->stride * (size_t)height, sizeof(float),
                          purpose, error);
     if (!w->v[0])
         return false;
@@ -97,7 +100,7 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
                                                  : of->height - 1;
 
                 w->v[c][(ptrdiff_t)y * w->stride + x] =
-                    from[c][(ptrdiff_t)iy * of->width + ix] + shift[c];
+                    (float)(from[c][(ptrdiff_t)iy * of->width + ix] + shift[c]);
             }
     }
     return true;
@@ -115,28 +118,36 @@ static int colour_shift(const uint8_t *to, const uint8_t *from, size_t n)
     return (int)fmin(fmax(mean, -MOST_SHIFT), MOST_SHIFT);
 }
 
-/* The best candidates for a row so far: arrays of length width, with the cost
- * and the squared errors of Y, U and V. */
+/* The best candidates for a row so far: adjacent arrays of length width, first
+ * of the cost, then of the squared errors of Y, U and V. */
 typedef struct {
-    int *cost, *error[3];
+    float *cost, *error[3];
 } best;
 
-/* Tries the pixels at p1 as matches of those at p0, in three planes each. */
-static void try_row(const best *b, const int *const p0[3],
-                    const int *const p1[3], int width)
+/* Tries the pixels at p1 as matches of those at p0, in three planes each. Of
+ * equal candidates the first one stays. */
+static void try_row(const best *b, const float *const p0[3],
+                    const float *const p1[3], size_t width)
 {
-    for (int x = 0; x < width; x++) {
-        const int dy = p0[0][x] - p1[0][x], du = p0[1][x] - p1[1][x];
-        const int dv = p0[2][x] - p1[2][x];
-        const int cost = LUMA_WEIGHT * dy * dy + du * du + dv * dv;
-        /* Without branches, so that the loop is vectorised. Of equal candidates
-         * the first one stays. */
-        const int better = cost < b->cost[x];
+    float *const least = b->cost, *const yy = b->error[0];
+    float *const uu = b->error[1], *const vv = b->error[2];
+    const float *const y0 = p0[0], *const u0 = p0[1], *const v0 = p0[2];
+    const float *const y1 = p1[0], *const u1 = p1[1], *const v1 = p1[2];
 
-        b->cost[x] = better ? cost : b->cost[x];
-        b->error[0][x] = better ? dy * dy : b->error[0][x];
-        b->error[1][x] = better ? du * du : b->error[1][x];
-        b->error[2][x] = better ? dv * dv : b->error[2][x];
+    /* Pixels are the lanes of vectors: there are no branches, and of integers
+     * all sums and products are exact. */
+#pragma omp simd
+    for (size_t x = 0; x < width; x++) {
+        const float dy = y0[x] - y1[x], du = u0[x] - u1[x];
+        const float dv = v0[x] - v1[x];
+        const float y = dy * dy, u = du * du, v = dv * dv;
+        const float cost = LUMA_WEIGHT * y + u + v;
+        const float better = cost < least[x] ? 1 : 0;
+
+        least[x] += better * (cost - least[x]);
+        yy[x] += better * (y - yy[x]);
+        uu[x] += better * (u - uu[x]);
+        vv[x] += better * (v - vv[x]);
     }
 }
 
@@ -146,23 +157,24 @@ static void search_row(double sum[3], const wide *a, const wide *b, int y,
                        const best *found, int width)
 {
     const ptrdiff_t at = (ptrdiff_t)(y + RANGE) * a->stride + RANGE;
-    const int *const p0[3] = { a->v[0] + at, a->v[1] + at, a->v[2] + at };
+    const float *const p0[3] = { a->v[0] + at, a->v[1] + at, a->v[2] + at };
 
+    memset(found->cost, 0, 4 * (size_t)width * sizeof *found->cost);
     for (int x = 0; x < width; x++)
-        found->cost[x] = INT32_MAX;
+        found->cost[x] = MOST_COST;
     for (int dy = -RANGE; dy <= RANGE; dy++)
         for (int dx = -RANGE; dx <= RANGE; dx++) {
             const ptrdiff_t to = at + (ptrdiff_t)dy * b->stride + dx;
-            const int *const p1[3] = { b->v[0] + to, b->v[1] + to,
-                                       b->v[2] + to };
+            const float *const p1[3] = { b->v[0] + to, b->v[1] + to,
+                                         b->v[2] + to };
 
-            try_row(found, p0, p1, width);
+            try_row(found, p0, p1, (size_t)width);
         }
     for (int c = 0; c < 3; c++) {
         int64_t row = 0;
 
         for (int x = 0; x < width; x++)
-            row += found->error[c][x];
+            row += (int64_t)found->error[c][x];
         sum[c] = (double)row;
     }
 }
@@ -173,7 +185,7 @@ static bool one_way(double *psnr, const wide *a, const wide *b,
 {
     static const double weight[3] = { LUMA_WEIGHT, 1.0, 1.0 };
     const size_t n = (size_t)like->width;
-    int *const row = saga_alloc(n, 4 * sizeof *row, purpose, error);
+    float *const row = saga_alloc(n, 4 * sizeof *row, purpose, error);
     double all[3] = { 0.0, 0.0, 0.0 }, weights = 0.0;
     best found;
 
