@@ -286,9 +286,10 @@ many() {
     SAGA_CHECK_VECTORS=$build/gcc/check_vectors \
         check conform tests/check_conform.sh
     for name in round cli encode subject volume floors rd codecs input \
-        install packages; do
+        install; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    [ "$what" != all ] || check packages tests/cli/check_packages.sh
     [ "$what" != all ] || check ablation tests/cli/check_ablation.sh
     [ "$what" != all ] || check between tests/cli/check_between.sh
     check devices tests/cli/check_devices.sh
@@ -322,7 +323,7 @@ many() {
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
     [ "$what" != all ] || check aframe python3 tests/cli/check_aframe.py
-    check types python3 tests/cli/check_types.py
+    [ "$what" != all ] || check types python3 tests/cli/check_types.py
     [ "$what" != all ] || check bundles python3 tests/cli/check_bundles.py
     check headset python3 tests/cli/check_headset.py
     check firmware tests/check_firmware.sh "$size"
