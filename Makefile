@@ -234,7 +234,7 @@ $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # SSE2 has no arithmetic shift of 64 bits: gcc's vector code is a tenth slower.
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
 # Tests run for less time than it takes to optimise them.
-$(call obj,$(TESTS_SRC)): OPT_LEVEL = $(OPT:-O2=-O1)
+$(call obj,$(TESTS_SRC)): OPT_LEVEL = $(OPT:-O2=-O0)
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ) $(ISA_OBJ): OPT_LEVEL = $(HOT_OPT)
 $(addprefix $(OBJ)/trainer/measure/,conv.o metrics.o yuv.o): OPT_LEVEL = $(HOT_OPT)
 ifeq ($(SANITIZE),quick)

@@ -12,6 +12,7 @@
 
 TEST_GROUP(set_up_device, tear_down_device);
 
+/* Buffers have their size after a few iterations. */
 enum { WARM = 10, RENDER = 20 };
 
 /* A case, and the part by which the plan may exceed the truth. */

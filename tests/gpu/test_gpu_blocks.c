@@ -119,7 +119,10 @@ static double difference(const real *x, const real *y, const real *start,
  * the axes. */
 TEST(blocks_should_step_as_on_the_host)
 {
+    /* The device counts blocks in spans of 50 x 16, so that one shape has more
+     * than 800. */
     static const shape list[] = { { 1, 4, 4, false },
+                                  { 850, 4, 5, true },
                                   { 110, 8, 8, false },
                                   { 170, 16, 19, true },
                                   { 13, 64, 66, true } };

@@ -793,6 +793,41 @@ TEST(exposures_should_be_found)
     saga_pictures_free(&p);
 }
 
+/* The exposures of one camera that is brighter by a factor must stay exactly 1,
+ * or must be found. Corrections begin at 3 %. */
+TEST(small_differences_of_exposures_should_stay)
+{
+    static const struct {
+        double factor;
+        bool is_found;
+    } cases[] = { { 1.01, false }, { 1.02, false }, { 1.06, true } };
+    const fixture *const x = *state;
+
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const int one = x->pictures.train[1], other = x->pictures.train[0];
+        double factor[VIEWS] = { 1, 1, 1, 1, 1 };
+        saga_capture c;
+        saga_pictures p;
+
+        factor[one] = cases[i].factor;
+        c = exposed(&x->capture, factor);
+        assert_done(saga_pictures_init(&p, &c, &error));
+        assert_done(saga_exposure_find(&p, 1, &error));
+        for (int k = 0; k < 3; k++) {
+            const double found = p.exposure[3 * other + k] /
+                                 p.exposure[3 * one + k];
+
+            print_message("%g: %g\n", cases[i].factor, found);
+            if (cases[i].is_found)
+                assert_near(found, cases[i].factor, 0.02);
+            else
+                assert_true(found == 1);
+        }
+        saga_pictures_free(&p);
+        free_exposed(&c);
+    }
+}
+
 /* The background must be the colour that an eighth of all pixels have exactly.
  */
 TEST(background_should_be_what_is_frequent)

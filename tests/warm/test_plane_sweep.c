@@ -125,6 +125,34 @@ TEST(a_patch_between_pixels_should_be_interpolated)
     assert_false(saga_patch_between(&p, &o->pictures, 0, 0, NAN, 4));
 }
 
+/* A pixel that does not count excludes all patches that read it, of which
+ * those between pixels read one more row and column. */
+TEST(a_mask_should_exclude_patches)
+{
+    enum { X = 6, Y = 4 };
+    one_view *const o = *state;
+    uint8_t mask[W * H];
+    saga_patch p;
+
+    memset(mask, 1, sizeof mask);
+    mask[Y * W + X] = 0;
+    o->view.mask = mask;
+    for (int y = SAGA_PATCH; y < H - SAGA_PATCH - 1; y++)
+        for (int x = SAGA_PATCH; x < W - SAGA_PATCH - 1; x++) {
+            const bool at = abs(x - X) <= SAGA_PATCH &&
+                            abs(y - Y) <= SAGA_PATCH;
+            const bool by = x >= X - SAGA_PATCH - 1 && x <= X + SAGA_PATCH &&
+                            y >= Y - SAGA_PATCH - 1 && y <= Y + SAGA_PATCH;
+
+            assert_int_equal(
+                saga_patch_cut(&p, &o->pictures, 0, 0, x + 0.5, y + 0.5), !at);
+            assert_int_equal(
+                saga_patch_between(&p, &o->pictures, 0, 0, x + 0.7, y + 0.7),
+                !by);
+        }
+    o->view.mask = NULL;
+}
+
 TEST(a_distance_should_be_the_mean_difference)
 {
     const one_view *const o = *state;

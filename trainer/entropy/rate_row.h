@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The cost of rate_bits.h for a row of values at once, since an iteration
- * evaluates some hundred thousand. In float the tail of the normal distribution
- * is approximated by
+ * The cost of rate_bits.h for a row of values at once, since an iteration, and
+ * measuring constants, evaluate some hundred thousand. In float the tail of the
+ * normal distribution is approximated by
  *
  *     P(X > x) = e^(-x^2 / 2) t p(t), t = 1 / (1 + 0.285 x), x >= 0,
  *

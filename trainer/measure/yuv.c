@@ -69,8 +69,8 @@ static double ws_psnr(const saga_yuv *a, const saga_yuv *b, bool equirect)
 /* --- IV-PSNR ------------------------------------------------------------- */
 
 /* A plane with RANGE more samples on every side, which repeat the border.
- * Samples and costs are integers below 2^24, which floats hold exactly and
- * multiply faster. */
+ * Samples and costs are integers below 2^24, which floats hold exactly; SSE2
+ * multiplies floats faster. */
 typedef struct {
     int stride;
     float *v[3];
@@ -159,6 +159,7 @@ static void search_row(double sum[3], const wide *a, const wide *b, int y,
     const ptrdiff_t at = (ptrdiff_t)(y + RANGE) * a->stride + RANGE;
     const float *const p0[3] = { a->v[0] + at, a->v[1] + at, a->v[2] + at };
 
+    /* The first candidate replaces 0 and MOST_COST, which must be numbers. */
     memset(found->cost, 0, 4 * (size_t)width * sizeof *found->cost);
     for (int x = 0; x < width; x++)
         found->cost[x] = MOST_COST;

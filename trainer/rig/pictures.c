@@ -24,8 +24,8 @@ enum { LEAST_MOMENTS = 32 };
 enum { ROWS = 8 };
 #define SAMPLE_NS 0.5
 
-/* Stream of random numbers (rng.h). */
-enum { STREAM_BEHIND = 501 };
+/* Streams of random numbers (rng.h). */
+enum { STREAM_BEHIND = 501, STREAM_LOOK };
 
 #define NEAR_PART 0.3 /* near plane, over the view's nearest depth */
 /* Least part of all pixels that have exactly the background's colour. */
@@ -91,14 +91,16 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
 {
     const size_t n = (size_t)p->n_there;
     const size_t few = n < SAGA_MOST_LOOKED_AT ? n : SAGA_MOST_LOOKED_AT;
+    const saga_rng r = saga_rng_stream(1, STREAM_LOOK);
 
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
         const size_t at = i * few / N_LOOKED_AT * n / few;
         const size_t one = p->there ? (size_t)p->there[at] : at;
         const int view = p->train[one % (size_t)p->n_train];
         const saga_source_view *const v = p->capture->views + view;
-        /* A prime stride spreads the pixels over the pictures. */
-        const size_t pixel = i * 7919 % ((size_t)v->width * (size_t)v->height);
+        /* Each picture's pixels are spread over all of it. */
+        const size_t pixel = saga_rng_below(
+            r, i, (uint32_t)((size_t)v->width * (size_t)v->height));
         const int frame = (int)(one / (size_t)p->n_train);
         const uint8_t *const mask = saga_capture_mask(p->capture, view, frame);
         const uint8_t *const rgb = saga_capture_frame(p->capture, view, frame) +

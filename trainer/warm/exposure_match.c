@@ -21,8 +21,9 @@ enum {
 };
 
 #define WORTH_IT 0.03 /* least difference of log exposures */
-/* The first pass found 0.6 of the last one's differences or more, so that half
- * as much is not worth another pass. */
+/* The first pass found at least 0.57 of what the last one did
+ * (docs/lab/warm-up.md), so that less than half of WORTH_IT is not worth
+ * another. */
 #define WORTH_LOOKING (WORTH_IT / 2)
 /* Largest part of all differences that may remain; if more does, the factors
  * come from wrong matches. */
@@ -139,15 +140,15 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     saga_exposure_pairs pairs = { .n_views = p->capture->n_views,
                                   .train = p->train,
                                   .n_train = p->n_train };
+    double before = 0;
 
     for (j->pass = 0; j->pass < N_PASSES; j->pass++) {
-        double before;
-
         /* The factors of earlier passes are applied to the pairs, so that the
          * solution is the factor that is still missing. */
         compare_all(&pairs, j);
         memset(log_of, 0, n * sizeof *log_of);
-        before = saga_exposure_left(&pairs, log_of);
+        if (j->pass == 0)
+            before = saga_exposure_left(&pairs, log_of);
         if (!saga_exposure_solve(log_of, &pairs, error))
             return false;
         /* The exposures stay exactly 1 if the cameras agree already, or if the

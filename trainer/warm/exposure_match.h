@@ -11,8 +11,9 @@
 
 /* Sets pictures->exposure of the training views. It stays 1 unless the
  * exposures of two cameras differ by more than 3 % and the factors explain at
- * least a fifth of the differences between compared pictures. The mean of their
- * logarithms is 0. Returns false with *error set if memory is short. */
+ * least a fifth of the differences between compared pictures; also if the first
+ * of three passes finds less than 1.5 %. The mean of their logarithms is 0.
+ * Returns false with *error set if memory is short. */
 bool saga_exposure_find(saga_pictures *pictures, uint64_t seed,
                         saga_error *error);
 

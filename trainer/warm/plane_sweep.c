@@ -56,7 +56,7 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
 
     if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
           v < w->height - PATCH) ||
-        !counts(c, view, frame, (int)u - PATCH, (int)v - PATCH, 2 * PATCH + 1))
+        !counts(c, view, frame, (int)u - PATCH, (int)v - PATCH, SIDE))
         return false;
     exposure_of(scale, from, view);
     rgb = saga_capture_frame(c, view, frame) +
@@ -73,10 +73,12 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
 }
 
 /* Interpolates between each value of a row of SIDE + 1 pixels and that of the
- * next pixel. */
+ * next pixel. What follows 3 SIDE values means nothing, and has the factor 0.
+ */
 static void between_columns(float to[ROW], const uint8_t *rgb, float part)
 {
     enum { PADDED = ROW + 4 }; /* ROW + 3 are read, in vectors of four */
+    _Static_assert(3 * SIDE <= ROW && 3 * (SIDE + 1) <= PADDED, "room");
     uint8_t row[PADDED] = { 0 };
     float x[PADDED];
 
@@ -101,7 +103,7 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
 
     if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
           top + 2 * PATCH + 1 < w->height) ||
-        !counts(c, view, frame, (int)left, (int)top, 2 * PATCH + 2))
+        !counts(c, view, frame, (int)left, (int)top, SIDE + 1))
         return false;
     exposure_of(scale, from, view);
     part[0] = (float)(left - (int)left);

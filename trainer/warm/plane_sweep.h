@@ -14,7 +14,7 @@
 enum {
     SAGA_PATCH = 2, /* radius: SAGA_PATCH_SIDE^2 pixels */
     SAGA_PATCH_SIDE = 2 * SAGA_PATCH + 1,
-    SAGA_PATCH_ROW = 16,  /* vectors are full */
+    SAGA_PATCH_ROW = 16,  /* 3 SAGA_PATCH_SIDE, rounded up to whole vectors */
     SAGA_PLANE_NEAR = 6,  /* number of views compared */
     SAGA_PLANE_PART = 8,  /* pixels in one task */
     SAGA_PLANE_NS = 50000 /* nanoseconds for a pixel */
