@@ -20,7 +20,8 @@ void gen_sound_sign(uint8_t *p)
     /* The CRC is computed by long division: first the bits of the page enter,
      * one at a time, then 32 zeros. */
     for (size_t i = 0; i < 8 * (n + 4); i++) {
-        const uint32_t bit = i < 8 * n ? p[i / 8] >> (7 - i % 8) & 1u : 0;
+        const uint32_t byte = i < 8 * n ? p[i / 8] : 0;
+        const uint32_t bit = byte >> (7 - i % 8) & 1u;
         const uint32_t out = crc >> 31;
 
         crc = (crc << 1 | bit) ^ (out ? 0x04c11db7u : 0);

@@ -44,6 +44,11 @@ int saga_plan_teacher_length(int n_warm)
     return (int)fmax(1, SAGA_LESSON_PART * n_warm);
 }
 
+bool saga_plan_teaches_rendering(const saga_capture *capture)
+{
+    return capture->n_frames == 1;
+}
+
 double saga_plan_time_with(int n_teachers, const saga_capture *capture)
 {
     return 1 + n_teachers * (capture->n_frames > 1 ? MOVING_TIME : STILL_TIME);

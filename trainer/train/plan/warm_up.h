@@ -40,6 +40,12 @@ bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
 /* Returns the iterations of a teacher for a warm-up of n_warm iterations. */
 int saga_plan_teacher_length(int n_warm);
 
+/* Tells whether teachers also teach while rendering, as in a still. The model
+ * of a moving scene is better than its teachers by then: with three of their
+ * pictures in ten, views between the cameras lose 0.7 dB
+ * (docs/lab/teachers.md). */
+bool saga_plan_teaches_rendering(const saga_capture *capture);
+
 /* Returns the time of a training with teachers, over that without. */
 double saga_plan_time_with(int n_teachers, const saga_capture *capture);
 

@@ -53,10 +53,10 @@ static bool render_room(const saga_pictures *pictures,
     saga_plan_model(&model, &terms,
                     saga_plan_time_tools(o, pictures->capture) |
                         SAGA_TOOL_VIEW);
-    /* Teachers of a moving scene are gone by then (saga_train_end_teaching). */
-    return saga_fit_room(o->gpu, pictures, canvas, &model, n,
-                         pictures->capture->n_frames > 1 ? 0 : o->n_teachers,
-                         error);
+    return saga_fit_room(
+        o->gpu, pictures, canvas, &model, n,
+        saga_plan_teaches_rendering(pictures->capture) ? o->n_teachers : 0,
+        error);
 }
 
 /* Counts both stages on a device that has no buffers. Sets *room if both fit

@@ -110,10 +110,7 @@ bool saga_train_end_teacher(saga_train *t, saga_error *error)
 
 void saga_train_end_teaching(saga_train *t)
 {
-    /* The model of a moving scene is better than its teachers by now: with
-     * three of their pictures in ten, views between the cameras lose 0.7 dB in
-     * the rendering stage (docs/lab/teachers.md). */
-    if (t->capture->n_frames > 1)
+    if (!saga_plan_teaches_rendering(t->capture))
         t->pictures.novel = NULL;
 }
 

@@ -165,8 +165,8 @@ bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
  * begins the next teacher or the warm-up. */
 bool saga_train_end_teacher(saga_train *t, saga_error *error);
-/* Is called before the rendering stage. In a moving scene no picture is from
- * the teachers any more. */
+/* Is called before the rendering stage, in which pictures are from the teachers
+ * only if saga_plan_teaches_rendering. */
 void saga_train_end_teaching(saga_train *t);
 /* Save and restore the teachers and t->warm.flat. */
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
