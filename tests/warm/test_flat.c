@@ -817,7 +817,6 @@ TEST(small_differences_of_exposures_should_stay)
             const double found = p.exposure[3 * other + k] /
                                  p.exposure[3 * one + k];
 
-            print_message("%g: %g\n", cases[i].factor, found);
             if (cases[i].is_found)
                 assert_near(found, cases[i].factor, 0.02);
             else

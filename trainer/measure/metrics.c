@@ -216,6 +216,7 @@ static bool channel(channel_ssim *s, pair p, saga_error *error)
     ok = p.row && p.scratch;
     if (ok) {
         make_taps(p.tap);
+        /* Threads take bands, which are independent. */
 #pragma omp parallel for num_threads(p.n_threads)
         for (int i = 0; i < n; i++)
             sum_band(&p, i * BAND);

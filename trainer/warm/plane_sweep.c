@@ -62,6 +62,7 @@ bool saga_patch_cut(saga_patch *p, const saga_pictures *from, int view,
     rgb = saga_capture_frame(c, view, frame) +
           (size_t)((int)v - PATCH) * saga_view_row_nbytes(w) +
           (size_t)((int)u - PATCH) * 3;
+    /* What follows the pixels of a row stays 0. */
     for (int y = 0; y < SIDE; y++, rgb += saga_view_row_nbytes(w)) {
         uint8_t row[ROW] = { 0 };
 
@@ -101,8 +102,8 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
     float part[2], scale[ROW], row[2][ROW];
     const uint8_t *rgb;
 
-    if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
-          top + 2 * PATCH + 1 < w->height) ||
+    if (!(left >= 0 && top >= 0 && left + SIDE < w->width &&
+          top + SIDE < w->height) ||
         !counts(c, view, frame, (int)left, (int)top, SIDE + 1))
         return false;
     exposure_of(scale, from, view);
